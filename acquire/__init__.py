@@ -1,0 +1,1 @@
+"""lumisplit: the application that captures, records, separates, decomposes and reports."""

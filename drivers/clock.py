@@ -1,0 +1,17 @@
+"""The host's clock."""
+
+from __future__ import annotations
+
+import time
+
+
+class SystemClock:
+    """Wall time of the host (see `drivers.protocols.Clock`)."""
+
+    def now(self) -> float:
+        """Seconds since 1970-01-01 UTC."""
+        return time.time()
+
+    def sleep(self, duration_s: float) -> None:
+        """Block for `duration_s` seconds."""
+        time.sleep(duration_s)

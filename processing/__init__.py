@@ -1,0 +1,1 @@
+"""Separation of light from arrays alone: patterns, estimators, decompositions, measures."""
