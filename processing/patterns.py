@@ -132,9 +132,10 @@ class Pattern:
                 along = along + down // self.pitch_px
             if self.family.varies_right:
                 along = along + right // self.pitch_px
-            return (along % 2 == 0).astype(np.float64)
+            return np.equal(along % 2, 0).astype(np.float64)
         phase = np.pi * (down if self.family.varies_down else right) / self.pitch_px
-        return 0.5 * (1 + np.cos(phase))
+        wave: NDArray[np.float64] = np.cos(phase)
+        return 0.5 * (1 + wave)
 
     @property
     def phase(self) -> float:
@@ -176,7 +177,10 @@ def shift_grid(
         Range covered by the shifts, in pitches (down, right), the end excluded.
     """
     return tuple(
-        (down * span_pitches[0] * pitch_px // counts[0], right * span_pitches[1] * pitch_px // counts[1])
+        (
+            down * span_pitches[0] * pitch_px // counts[0],
+            right * span_pitches[1] * pitch_px // counts[1],
+        )
         for down in range(counts[0])
         for right in range(counts[1])
     )
@@ -194,4 +198,4 @@ def toggled(patterns: tuple[Pattern, ...]) -> NDArray[np.bool_]:
         raise ValueError("no patterns to compare")
     period = 2 * patterns[0].pitch_px
     codes = np.stack([pattern.code((period, period)) for pattern in patterns])
-    return (codes.max(axis=0) > 0.5) & (codes.min(axis=0) < 0.5)
+    return np.logical_and(codes.max(axis=0) > 0.5, codes.min(axis=0) < 0.5)

@@ -1,0 +1,40 @@
+"""Everything foreseeable that ends a command; each message says what, why and what to do.
+
+LumisplitError
+├── PlanError       the plan cannot be carried out as written
+├── SessionError    the session folder is damaged, foreign or does not fit
+│   └── StorageError    the disk did not take a frame
+├── BenchError      the bench is unknown, misdescribed or does not fit the plan
+├── StackError      the frames cannot be measured together
+└── ResultError     the result folder or truth file cannot be used
+"""
+
+from __future__ import annotations
+
+
+class LumisplitError(Exception):
+    """Ends the command with one message and exit status 1."""
+
+
+class PlanError(LumisplitError):
+    """The plan cannot be carried out as written."""
+
+
+class SessionError(LumisplitError):
+    """The session folder cannot be used."""
+
+
+class StorageError(SessionError):
+    """The disk did not take what had to be kept."""
+
+
+class BenchError(LumisplitError):
+    """The bench is unknown, misdescribed or does not fit the plan."""
+
+
+class StackError(LumisplitError):
+    """The frames cannot be measured together."""
+
+
+class ResultError(LumisplitError):
+    """The result folder or the truth file cannot be used."""

@@ -1,0 +1,197 @@
+"""The result folder: what a processed session yields, readable by any program.
+
+    result.json                     names, mixing, shares, convergence, warnings, versions
+    components/NAME.tiff            float32, linear, (height, width, 3)
+    pitches/direct-0008.tiff        direct light at a pitch, and pitches/global-0008.tiff
+    white.tiff                      the scene under white light less the black reference
+    mask.tiff                       uint8: 0 measured, 1 saturated, 2 unlit
+    report.html                     the page that shows it all
+
+Saturated pixels are NaN in every float image, unlit ones 0.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from enum import IntEnum
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+
+from acquire.errors import ResultError, SessionError
+from acquire.plan import CameraPlan, ProjectorPlan
+from acquire.session.folder import read_plain, storage, write_durably
+from acquire.session.records import RunRecord, Sha256, SourceRecord
+from acquire.validation import explain
+from processing.patterns import Family
+
+RECORD = "result.json"
+MAX_JSON_BYTES = 64 << 20
+MAX_IMAGE_BYTES = 8 << 30
+
+ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
+ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
+
+
+class PixelClass(IntEnum):
+    """Values of mask.tiff."""
+
+    MEASURED = 0
+    SATURATED = 1
+    UNLIT = 2
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PitchRecord(_Record):
+    """The separation at one pitch of one family of patterns."""
+
+    family: Family
+    pitch_px: int
+    shifts: int
+    direct: ImagePath
+    global_: ImagePath = Field(alias="global", serialization_alias="global")
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+class MixingRecord(_Record):
+    """α: how much of each component the direct image at each row holds.
+
+    `alpha[colour][row][component]`; the rows are `families[row]` at `pitch_px[row]`, the last
+    row is white light, whose pitch is infinite and written as null.
+    """
+
+    families: tuple[Family, ...]
+    pitch_px: tuple[int | None, ...]
+    alpha: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+class MaskRecord(_Record):
+    """How many pixels there are and how many could not be measured."""
+
+    pixels: int
+    saturated: int
+    unlit: int
+
+
+class SessionSummary(_Record):
+    """What the report repeats of the session."""
+
+    plan_sha256: Sha256
+    frames: int
+    bench: dict[str, JsonValue]
+    source: SourceRecord | None
+    camera: CameraPlan
+    projector: ProjectorPlan
+    runs: tuple[RunRecord, ...]
+    versions: dict[str, str]
+
+
+class ResultRecord(_Record):
+    """result.json."""
+
+    format: Literal[1] = 1
+    method: str
+    options: dict[str, JsonValue]
+    components: tuple[ComponentName, ...]
+    shape: tuple[int, int]
+    pitches: tuple[PitchRecord, ...]
+    mixing: MixingRecord
+    pca_shares: tuple[float, ...]
+    convergence: tuple[float, ...]
+    mask: MaskRecord
+    noise: float
+    warnings: tuple[str, ...]
+    plan_sha256: Sha256
+    session: SessionSummary
+    versions: dict[str, str]
+
+    @property
+    def sha256(self) -> str:
+        """Digest of the record, hexadecimal."""
+        return hashlib.sha256(self.model_dump_json(by_alias=True).encode()).hexdigest()
+
+
+class Result:
+    """A result folder opened for reading."""
+
+    def __init__(self, folder: Path, record: ResultRecord) -> None:
+        self.folder = folder
+        self.record = record
+
+    @classmethod
+    def open(cls, folder: Path) -> Result:
+        """Open a folder that `lumisplit process` wrote."""
+        if not (folder / RECORD).exists():
+            raise ResultError(
+                f"{folder} is not a result: it has no {RECORD}. "
+                "`lumisplit process SESSION --out RESULT` makes one."
+            )
+        try:
+            text = read_plain(folder / RECORD, MAX_JSON_BYTES)
+            return cls(folder, ResultRecord.model_validate_json(text))
+        except SessionError as error:
+            raise ResultError(str(error)) from error
+        except ValidationError as error:
+            raise ResultError(f"{folder / RECORD} cannot be used:\n{explain(error)}") from error
+
+    def component(self, name: str) -> NDArray[np.float32]:
+        """One component, (height, width, 3)."""
+        return self._image(f"components/{name}.tiff")
+
+    def pitch_image(self, path: str) -> NDArray[np.float32]:
+        """A direct or global image named in the record, (height, width, 3)."""
+        return self._image(path)
+
+    @property
+    def white(self) -> NDArray[np.float32]:
+        """The scene under white light, (height, width, 3)."""
+        return self._image("white.tiff")
+
+    @property
+    def mask(self) -> NDArray[np.uint8]:
+        """`PixelClass` of every pixel, (height, width)."""
+        return read_tiff(self.folder / "mask.tiff", self.record.shape, np.dtype(np.uint8))
+
+    def _image(self, relative: str) -> NDArray[np.float32]:
+        shape = (*self.record.shape, 3)
+        return read_tiff(self.folder / relative, shape, np.dtype(np.float32))
+
+
+def write_record(folder: Path, record: ResultRecord) -> None:
+    """Write result.json, the last file of a result."""
+    text = record.model_dump_json(by_alias=True, indent=1)
+    write_durably(folder / RECORD, text.encode() + b"\n")
+
+
+def write_tiff(path: Path, image: NDArray[np.float32] | NDArray[np.uint8]) -> None:
+    """Write an image as an uncompressed TIFF."""
+    photometric = "rgb" if image.ndim == 3 else "minisblack"
+    with storage(path):
+        tifffile.imwrite(path, image, photometric=photometric, metadata=None)
+
+
+def read_tiff(
+    path: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]
+) -> NDArray[np.float32]:
+    """Read an image of a result after checking that it is the one expected."""
+    try:
+        if path.is_symlink() or path.parent.is_symlink():
+            raise ResultError(f"Refused {path}: it is a link.")
+        with tifffile.TiffFile(path) as file:
+            page = file.pages[0]
+            if page.shape != shape or page.dtype != dtype:
+                raise ResultError(
+                    f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype} as result.json "
+                    "says. Process the session again."
+                )
+            return page.asarray()
+    except (OSError, tifffile.TiffFileError, ValueError, IndexError) as error:
+        raise ResultError(f"Cannot read {path}: {error}. Process the session again.") from error

@@ -1,0 +1,89 @@
+"""Reading and writing in a folder that may come from a stranger or lose power at any moment."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from acquire.errors import SessionError, StorageError
+
+OUT_OF_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def read_plain(path: Path, max_bytes: int) -> bytes:
+    """Content of a plain file; refuses links, devices, pipes and more than `max_bytes`."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    try:
+        descriptor = os.open(path, flags | getattr(os, "O_BINARY", 0))
+    except OSError as error:
+        why = "it is a link" if error.errno == errno.ELOOP else error.strerror
+        raise SessionError(f"Cannot read {path}: {why}.") from error
+    with os.fdopen(descriptor, "rb") as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise SessionError(f"Cannot read {path}: it is not a plain file.")
+        if status.st_size > max_bytes:
+            raise SessionError(
+                f"Refused {path}: {status.st_size} bytes, where at most {max_bytes} make sense."
+            )
+        return file.read(max_bytes + 1)
+
+
+def write_durably(path: Path, data: bytes) -> None:
+    """Write a file so that after a power cut it is there whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    with storage(path):
+        try:
+            with part.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+        sync_folder(path.parent)
+
+
+def append_durably(path: Path, line: bytes) -> None:
+    """Append a line; a line that did not fit is taken back so that the file stays whole."""
+    with storage(path), path.open("ab") as file:
+        end = file.tell()
+        try:
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+        except OSError:
+            os.truncate(path, end)
+            raise
+
+
+def sync_folder(folder: Path) -> None:
+    """Make new names in a folder survive a power cut, where the system can do that."""
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def storage(path: Path) -> Iterator[None]:
+    """Say what an unwritable disk means."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in OUT_OF_SPACE:
+            raise StorageError(
+                f"The disk is full: {path} could not be written. Everything before it is safe. "
+                "Make room and give the same command again; it goes on where it stopped."
+            ) from error
+        raise StorageError(
+            f"Cannot write {path}: {error.strerror}. Everything before it is safe."
+        ) from error

@@ -1,0 +1,125 @@
+"""What a session folder says about itself, validated as it is read."""
+
+from __future__ import annotations
+
+import platform
+from enum import StrEnum
+from importlib import metadata
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from acquire.plan import MAX_STEPS, PatternText
+from drivers.protocols import CameraSettings, RawFrame
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+FramePath = Annotated[str, Field(pattern=r"^frames/[0-9]{6}\.[a-z0-9]{1,5}$")]
+MAX_FRAME_BYTES = 1 << 30
+
+SUFFIXES = {
+    "image/x-adobe-dng": "dng",
+    "image/x-nikon-nef": "nef",
+    "image/x-canon-cr2": "cr2",
+    "image/x-canon-cr3": "cr3",
+    "image/x-canon-crw": "crw",
+    "image/x-sony-arw": "arw",
+    "image/x-fuji-raf": "raf",
+    "image/x-olympus-orf": "orf",
+    "image/x-panasonic-rw2": "rw2",
+    "image/x-pentax-pef": "pef",
+    "image/tiff": "tiff",
+    "image/png": "png",
+    "image/jpeg": "jpg",
+}
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Transfer(StrEnum):
+    """How the numbers of a picture relate to light."""
+
+    RAW = "raw"
+    LINEAR = "linear"
+    SRGB = "srgb"
+
+
+class FrameRecord(_Record):
+    """One line of frames.jsonl."""
+
+    step: int = Field(ge=0, lt=MAX_STEPS)
+    pattern: PatternText
+    settings: CameraSettings | None
+    raster_sha256: Sha256 | None
+    file: FramePath
+    sha256: Sha256
+    size_bytes: int = Field(ge=1, le=MAX_FRAME_BYTES)
+    media_type: str = Field(pattern=r"^image/[a-z0-9.+-]{1,40}$")
+    started_s: float | None
+    finished_s: float | None
+
+    @classmethod
+    def of(
+        cls, step: int, pattern: PatternText, raster_sha256: str, frame: RawFrame, sha256: str
+    ) -> FrameRecord:
+        """The line for a frame that a camera delivered."""
+        return cls(
+            step=step,
+            pattern=pattern,
+            settings=frame.settings,
+            raster_sha256=raster_sha256,
+            file=frame_path(step, frame.media_type),
+            sha256=sha256,
+            size_bytes=len(frame.data),
+            media_type=frame.media_type,
+            started_s=frame.started_s,
+            finished_s=frame.finished_s,
+        )
+
+
+class RunRecord(_Record):
+    """One start of the capture: a session that was interrupted has several."""
+
+    started_s: float
+    first_step: int = Field(ge=0, le=MAX_STEPS)
+    finished_s: float | None = None
+    outcome: Literal["running", "complete", "stopped", "failed"] = "running"
+    reason: str = ""
+
+
+class SourceRecord(_Record):
+    """Where imported frames came from and how their numbers were read."""
+
+    table: str
+    table_sha256: Sha256
+    transfer: Transfer
+    notes: tuple[str, ...] = ()
+
+
+class SessionRecord(_Record):
+    """session.json."""
+
+    format: Literal[1] = 1
+    plan_sha256: Sha256
+    bench: dict[str, JsonValue]
+    source: SourceRecord | None = None
+    versions: dict[str, str]
+    host: dict[str, str]
+    runs: tuple[RunRecord, ...] = ()
+
+
+def frame_path(step: int, media_type: str) -> str:
+    """The only name that the file of a step can have, relative to the session."""
+    return f"frames/{step:06d}.{SUFFIXES.get(media_type, 'bin')}"
+
+
+def versions() -> dict[str, str]:
+    """Versions of the program and of what it computes with."""
+    names = ("lumisplit", "numpy", "scipy", "numba", "rawpy", "tifffile", "opencv-python-headless")
+    return {"python": platform.python_version()} | {name: metadata.version(name) for name in names}
+
+
+def host() -> dict[str, str]:
+    """The kind of computer, without its name or its user's."""
+    return {"system": platform.platform(), "machine": platform.machine()}

@@ -1,0 +1,189 @@
+"""A session opened for reading or for appending."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from filelock import FileLock, Timeout
+from pydantic import BaseModel, ValidationError
+
+from acquire.errors import SessionError
+from acquire.plan import Plan
+from acquire.session.folder import append_durably, read_plain, storage, sync_folder, write_durably
+from acquire.session.records import FrameRecord, RunRecord, SessionRecord
+from acquire.validation import explain
+
+MAX_JSON_BYTES = 32 << 20
+MAX_LINE_BYTES = 4096
+ModelT = TypeVar("ModelT", bound=BaseModel)
+PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
+
+
+class Session:
+    """A session folder whose plan, record and lines are consistent with each other.
+
+    Line k of frames.jsonl always belongs to step k of the plan; the next step to capture is the
+    number of lines.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, record: SessionRecord) -> None:
+        self.folder = folder
+        self.plan = plan
+        self.record = record
+        self.frames: list[FrameRecord] = []
+
+    @classmethod
+    def create(cls, folder: Path, plan: Plan, record: SessionRecord) -> Session:
+        """Start a session in a folder that is empty or does not exist."""
+        if folder.exists() and not _is_blank(folder):
+            raise SessionError(
+                f"{folder} exists and is not an empty folder; nothing was written. "
+                "Give another --out."
+            )
+        with storage(folder):
+            (folder / FRAMES).mkdir(parents=True, exist_ok=True)
+            (folder / LINES).touch()
+        write_durably(folder / PLAN, plan.to_json().encode())
+        write_durably(folder / RECORD, _json(record))
+        return cls(folder, plan, record)
+
+    @classmethod
+    def exists(cls, folder: Path) -> bool:
+        """Whether the folder holds a session (its record is written last)."""
+        return (folder / RECORD).exists()
+
+    @classmethod
+    def open(cls, folder: Path) -> Session:
+        """Open what is there; raises `SessionError` when it cannot be trusted."""
+        if not folder.is_dir():
+            raise SessionError(f"There is no session at {folder}: no such folder.")
+        if not cls.exists(folder):
+            raise SessionError(f"{folder} is not a session: it has no {RECORD}.")
+        if (folder / FRAMES).is_symlink() or not (folder / FRAMES).is_dir():
+            raise SessionError(f"{folder} is damaged: {FRAMES} is not a folder of its own.")
+        record = _parse(SessionRecord, folder / RECORD)
+        plan = _parse(Plan, folder / PLAN)
+        if plan.sha256 != record.plan_sha256:
+            raise SessionError(
+                f"{folder / PLAN} was changed after the capture began: its digest is not the one "
+                f"that {RECORD} holds. Restore it from a copy."
+            )
+        session = cls(folder, plan, record)
+        for line in session.complete_lines():
+            session._accept(line)
+        return session
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder for writing; refuses when another process has it."""
+        lock = FileLock(self.folder / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout as error:
+            raise SessionError(
+                f"Another lumisplit is writing to {self.folder}. Wait for it or stop it."
+            ) from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def recover(self) -> None:
+        """Cut off a line that a crash left unfinished and the parts of files that go with it."""
+        whole = sum(len(line) for line in self.complete_lines())
+        with storage(self.folder), (self.folder / LINES).open("rb+") as file:
+            file.truncate(whole)
+        for part in (self.folder / FRAMES).glob(".*.part"):
+            part.unlink()
+
+    def store(self, record: FrameRecord, data: bytes) -> None:
+        """Keep a frame: the file first, then, when that is on the disk, its line."""
+        path = self.folder / record.file
+        write_durably(path, data)
+        append_durably(self.folder / LINES, record.model_dump_json().encode() + b"\n")
+        self.frames.append(record)
+
+    def begin_run(self, started_s: float) -> None:
+        """Note that a capture starts here and goes on from the lines that are there."""
+        run = RunRecord(started_s=started_s, first_step=len(self.frames))
+        self._rewrite((*self.record.runs, run))
+
+    def end_run(self, finished_s: float, outcome: str, reason: str = "") -> None:
+        """Note how the run that was begun last has ended."""
+        *before, last = self.record.runs
+        ended = RunRecord.model_validate(
+            last.model_dump()
+            | {"finished_s": finished_s, "outcome": outcome, "reason": reason[:2000]}
+        )
+        self._rewrite((*before, ended))
+
+    def read(self, frame: FrameRecord) -> bytes:
+        """The camera's bytes of a frame, checked against their digest."""
+        path = self.folder / frame.file
+        data = read_plain(path, frame.size_bytes)
+        if len(data) != frame.size_bytes or hashlib.sha256(data).hexdigest() != frame.sha256:
+            raise SessionError(
+                f"{path} is not the file that was captured: its digest differs. "
+                f"`lumisplit verify {self.folder}` lists everything that is wrong."
+            )
+        return data
+
+    def complete_lines(self) -> list[bytes]:
+        """Lines of frames.jsonl that end as lines do; a crash can leave one that does not."""
+        content = read_plain(self.folder / LINES, (len(self.plan) + 1) * MAX_LINE_BYTES)
+        return [line for line in content.splitlines(keepends=True) if line.endswith(b"\n")]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every step of the plan has its frame."""
+        return len(self.frames) == len(self.plan)
+
+    def _accept(self, line: bytes) -> None:
+        number = len(self.frames)
+        where = f"line {number + 1} of {self.folder / LINES}"
+        if len(line) > MAX_LINE_BYTES:
+            raise SessionError(f"Refused {where}: {len(line)} bytes long.")
+        try:
+            frame = FrameRecord.model_validate_json(line)
+        except ValidationError as error:
+            raise SessionError(f"Cannot use {where}:\n{explain(error)}") from error
+        if number >= len(self.plan) or frame.step != number:
+            raise SessionError(f"Cannot use {where}: it is for step {frame.step}, not {number}.")
+        if frame.pattern != self.plan.patterns[number]:
+            raise SessionError(
+                f"Cannot use {where}: it says {frame.pattern}, the plan "
+                f"{self.plan.patterns[number]}."
+            )
+        self.frames.append(frame)
+
+    def _rewrite(self, runs: tuple[RunRecord, ...]) -> None:
+        self.record = self.record.model_copy(update={"runs": runs})
+        write_durably(self.folder / RECORD, _json(self.record))
+        sync_folder(self.folder)
+
+
+def _is_blank(folder: Path) -> bool:
+    """Whether nothing but the beginnings of an interrupted `Session.create` is there."""
+    if not folder.is_dir() or folder.is_symlink():
+        return False
+    beginnings = {PLAN, LINES, FRAMES, f".{PLAN}.part", f".{RECORD}.part"}
+    paths = list(folder.iterdir())
+    return {path.name for path in paths} <= beginnings and not any(
+        any(path.iterdir()) if path.is_dir() else path.name == LINES and path.stat().st_size
+        for path in paths
+    )
+
+
+def _json(record: BaseModel) -> bytes:
+    return record.model_dump_json(indent=1).encode() + b"\n"
+
+
+def _parse(model: type[ModelT], path: Path) -> ModelT:
+    try:
+        return model.model_validate_json(read_plain(path, MAX_JSON_BYTES))
+    except ValidationError as error:
+        raise SessionError(f"{path} cannot be used:\n{explain(error)}") from error
