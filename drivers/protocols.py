@@ -97,3 +97,12 @@ class Clock(Protocol):
 
     def sleep(self, duration_s: float) -> None:
         """Let `duration_s` ≥ 0 seconds go by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """What a capture needs of a bench."""
+
+    projector: Projector
+    camera: Camera
+    clock: Clock

@@ -10,7 +10,13 @@ A folder that somebody else made is data: nothing in it is executed, every name 
 against its one allowed form, links are not followed and sizes are bounded before reading.
 """
 
-from acquire.session.records import FrameRecord, RunRecord, SessionRecord, SourceRecord
+from acquire.session.records import (
+    FrameRecord,
+    RunRecord,
+    SessionRecord,
+    SourceRecord,
+    Transfer,
+)
 from acquire.session.store import Session
 
-__all__ = ["FrameRecord", "RunRecord", "Session", "SessionRecord", "SourceRecord"]
+__all__ = ["FrameRecord", "RunRecord", "Session", "SessionRecord", "SourceRecord", "Transfer"]

@@ -21,6 +21,7 @@ MAX_JSON_BYTES = 32 << 20
 MAX_LINE_BYTES = 4096
 ModelT = TypeVar("ModelT", bound=BaseModel)
 PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
+LOCK = ".lock"
 
 
 class Session:
@@ -38,12 +39,8 @@ class Session:
 
     @classmethod
     def create(cls, folder: Path, plan: Plan, record: SessionRecord) -> Session:
-        """Start a session in a folder that is empty or does not exist."""
-        if folder.exists() and not _is_blank(folder):
-            raise SessionError(
-                f"{folder} exists and is not an empty folder; nothing was written. "
-                "Give another --out."
-            )
+        """Start a session in a folder that is empty or does not exist; hold its lock."""
+        _check_blank(folder)
         with storage(folder):
             (folder / FRAMES).mkdir(parents=True, exist_ok=True)
             (folder / LINES).touch()
@@ -77,15 +74,20 @@ class Session:
             session._accept(line)
         return session
 
+    @staticmethod
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold the folder for writing; refuses when another process has it."""
-        lock = FileLock(self.folder / ".lock")
+    def locked(folder: Path) -> Iterator[None]:
+        """Hold a folder for writing a session; refuses when another process has it."""
+        if not Session.exists(folder):
+            _check_blank(folder)
+        with storage(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(folder / LOCK)
         try:
             lock.acquire(timeout=0)
         except Timeout as error:
             raise SessionError(
-                f"Another lumisplit is writing to {self.folder}. Wait for it or stop it."
+                f"Another lumisplit is writing to {folder}. Wait for it or stop it."
             ) from error
         try:
             yield
@@ -166,16 +168,21 @@ class Session:
         sync_folder(self.folder)
 
 
-def _is_blank(folder: Path) -> bool:
-    """Whether nothing but the beginnings of an interrupted `Session.create` is there."""
-    if not folder.is_dir() or folder.is_symlink():
-        return False
-    beginnings = {PLAN, LINES, FRAMES, f".{PLAN}.part", f".{RECORD}.part"}
-    paths = list(folder.iterdir())
-    return {path.name for path in paths} <= beginnings and not any(
-        any(path.iterdir()) if path.is_dir() else path.name == LINES and path.stat().st_size
-        for path in paths
+def _check_blank(folder: Path) -> None:
+    """Refuse a folder that holds more than the beginnings of an interrupted `Session.create`."""
+    if not (folder.exists() or folder.is_symlink()):
+        return
+    beginnings = {PLAN, LINES, FRAMES, LOCK, f".{PLAN}.part", f".{RECORD}.part"}
+    blank = folder.is_dir() and all(
+        path.name in beginnings
+        and not (any(path.iterdir()) if path.name == FRAMES else False)
+        and not (path.name == LINES and path.stat().st_size)
+        for path in folder.iterdir()
     )
+    if not blank:
+        raise SessionError(
+            f"{folder} exists and is not an empty folder; nothing was written. Give another --out."
+        )
 
 
 def _json(record: BaseModel) -> bytes:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acquire.errors import SessionError
-from acquire.session.store import FRAMES, LINES, PLAN, RECORD, Session
+from acquire.session.store import FRAMES, LINES, LOCK, PLAN, RECORD, Session
 
-KNOWN = {PLAN, RECORD, LINES, FRAMES, "truth.npz", ".lock"}
+KNOWN = {PLAN, RECORD, LINES, FRAMES, "truth.npz", LOCK}
 
 
 def problems(session: Session) -> Iterator[str | None]:

@@ -1,0 +1,5 @@
+"""``python -m acquire``: the same as ``lumisplit``."""
+
+from acquire.cli import main
+
+main()

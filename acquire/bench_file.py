@@ -1,0 +1,79 @@
+"""The bench as a person describes it in TOML."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from acquire.errors import BenchError
+from acquire.validation import explain
+
+MAX_BENCH_BYTES = 1_000_000
+Probability = Annotated[float, Field(ge=0, le=1)]
+Pixels = Annotated[int, Field(ge=8, le=8192)]
+
+
+class SimSection(BaseModel):
+    """`[sim]`: the scene, the devices and what is wrong with them, each defect off by default."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    scene: Literal["corner", "groove", "board"] = "corner"
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    camera_px: tuple[Pixels, Pixels] = (96, 96)
+    projector_px: tuple[Pixels, Pixels] = (288, 384)
+    gamma: float = Field(default=1.0, ge=0.1, le=10)
+    black_level: float = Field(default=0.0, ge=0, lt=1)
+    blur_px: float = Field(default=0.0, ge=0, le=100)
+    latency_s: float = Field(default=0.0, ge=0, le=60)
+    late: Probability = 0.0
+    dropped: Probability = 0.0
+    swapped: Probability = 0.0
+    timeouts: Probability = 0.0
+    full_well_e: float | None = Field(default=None, ge=10, le=1e9)
+    read_noise_e: float = Field(default=0.0, ge=0, le=1e6)
+    drift: float = Field(default=0.0, gt=-1, le=10)
+    flicker: float = Field(default=0.0, ge=0, le=1)
+    ambient: float = Field(default=0.0, ge=0, le=10)
+    move_px: float = Field(default=0.0, ge=-1000, le=1000)
+
+
+class SimBench(BaseModel):
+    """A bench that is computed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kind: Literal["sim"] = "sim"
+    sim: SimSection = SimSection()
+
+
+class LabBench(BaseModel):
+    """A bench of real devices."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    kind: Literal["lab"]
+
+
+BenchFile = Annotated[SimBench | LabBench, Field(discriminator="kind")]
+
+
+def read_bench(path: Path) -> SimBench | LabBench:
+    """Read and validate a bench file; raises `BenchError` naming the key and the reason."""
+    try:
+        if path.stat().st_size > MAX_BENCH_BYTES:
+            raise BenchError(f"{path} is {path.stat().st_size} bytes: no bench file is that long.")
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return TypeAdapter[SimBench | LabBench](BenchFile).validate_python(content)
+    except OSError as error:
+        raise BenchError(
+            f"There is no bench {str(path)!r} ({error.strerror}). --bench takes `sim`, `lab`, "
+            "`replay:SESSION` or the path of a bench file in TOML."
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BenchError(f"{path} is not valid TOML: {error}.") from error
+    except ValidationError as error:
+        raise BenchError(f"{path} cannot be used:\n{explain(error)}") from error

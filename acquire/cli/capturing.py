@@ -1,0 +1,148 @@
+"""Commands that lead to a session: plan, capture, import, verify."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquire.cli.interruption import stop_on_signals
+from acquire.cli.progress import ProgressDisplay
+from acquire.errors import PlanError
+from acquire.plan import Plan
+from acquire.plan_file import check_fits, example_text, read_plan
+from acquire.recording import record
+from acquire.rig import Bench, find_bench
+from acquire.sequencer import Outcome
+from acquire.session import Session
+from acquire.session.verification import problems
+from acquire.storage import check_room, free_bytes
+from acquire.table import import_table
+
+BenchOption = Annotated[
+    str,
+    typer.Option("--bench", help="sim, lab, replay:SESSION or the path of a bench file (TOML)."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the outcome.")]
+STOPPED_STATUS = 130
+
+
+class TransferChoice(StrEnum):
+    """How the numbers of imported pictures relate to light."""
+
+    AUTO = "auto"
+    SRGB = "srgb"
+    LINEAR = "linear"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("plan")(plan_command)
+    app.command("capture")(capture_command)
+    app.command("import")(import_command)
+    app.command("verify")(verify_command)
+
+
+def plan_command(
+    plan_path: Annotated[Path | None, typer.Argument(metavar="PLAN", show_default=False)] = None,
+    example: Annotated[bool, typer.Option("--example", help="Print a commented plan.")] = False,
+    bench_name: BenchOption = "sim",
+    out: Annotated[Path, typer.Option(help="Where the session would be written.")] = Path(),
+) -> None:
+    """Check a plan and print its frames, time and disk; nothing is shown or captured."""
+    if example:
+        typer.echo(example_text(), nl=False)
+        return
+    if plan_path is None:
+        raise PlanError("Name a plan, or `lumisplit plan --example` to print one.")
+    plan = read_plan(plan_path)
+    bench = find_bench(bench_name)
+    check_fits(plan, bench.resolution, bench.name)
+    _print_cost(plan, bench, out)
+    check_room(out, len(plan) * bench.frame_bytes)
+
+
+def capture_command(
+    plan_path: Annotated[Path, typer.Argument(metavar="PLAN")],
+    out: Annotated[Path, typer.Option(help="Session folder; an interrupted one is gone on with.")],
+    bench_name: BenchOption = "sim",
+    quiet: Quiet = False,
+) -> None:
+    """Capture a plan; give the same command again to go on where it stopped."""
+    plan, bench = read_plan(plan_path), find_bench(bench_name)
+    run_capture(plan, bench, out, quiet=quiet)
+
+
+def import_command(
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv")],
+    out: Annotated[Path, typer.Option(help="Session folder to write.")],
+    transfer: Annotated[
+        TransferChoice, typer.Option(help="auto: 8-bit pictures are sRGB, all others linear.")
+    ] = TransferChoice.AUTO,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a stack that somebody else captured into a session."""
+    with ProgressDisplay(quiet=quiet) as progress:
+        session = import_table(table, out, transfer=transfer.value, progress=progress)
+    typer.echo(f"{len(session.frames)} frames imported into {out}")
+    for note in session.record.source.notes if session.record.source else ():
+        typer.echo(f"note: {note}")
+    typer.echo(f"next: lumisplit process {out} --out RESULT")
+
+
+def verify_command(
+    folder: Annotated[Path, typer.Argument(metavar="SESSION")], quiet: Quiet = False
+) -> None:
+    """Check every file and every digest of a session."""
+    session = Session.open(folder)
+    found = []
+    with ProgressDisplay(quiet=quiet) as progress:
+        progress.stage("verifying", len(session.frames))
+        for problem in problems(session):
+            if problem is not None:
+                found.append(problem)
+            progress.advance()
+    for problem in found:
+        typer.echo(problem)
+    state = (
+        "complete" if session.complete else f"{len(session.frames)} of {len(session.plan)} frames"
+    )
+    typer.echo(
+        f"{folder}: {state}, " + (f"{len(found)} problem(s)" if found else "every digest is right")
+    )
+    if found:
+        raise typer.Exit(1)
+
+
+def run_capture(plan: Plan, bench: Bench, out: Path, *, quiet: bool) -> Session:
+    """Capture with progress; exits with status 130 when it was asked to stop."""
+    done = len(Session.open(out).frames) if Session.exists(out) else 0
+    with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
+        progress.stage("capturing", len(plan), done)
+        session, outcome = record(plan, bench, out, progress, stop)
+    if outcome is Outcome.STOPPED:
+        typer.echo(
+            f"stopped: {len(session.frames)} of {len(plan)} frames are in {out}; "
+            "the same command goes on from there",
+            err=True,
+        )
+        raise typer.Exit(STOPPED_STATUS)
+    typer.echo(f"{len(session.frames)} frames in {out}")
+    return session
+
+
+def _print_cost(plan: Plan, bench: Bench, out: Path) -> None:
+    pitches = sorted({p.pitch_px for p in plan.patterns if not p.family.is_reference})
+    each_s = plan.projector.settle_s + plan.camera.exposure_s + bench.frame_s
+    height, width = bench.resolution
+    minutes, seconds = divmod(round(len(plan) * each_s), 60)
+    typer.echo(f"bench    {bench.name}, projector {width} × {height} px")
+    typer.echo(f"pitches  {len(pitches)}: {', '.join(map(str, pitches))} px")
+    typer.echo(f"frames   {len(plan)}")
+    typer.echo(f"time     about {minutes} min {seconds} s, {each_s:.2f} s a frame")
+    typer.echo(
+        f"disk     {len(plan) * bench.frame_bytes / 1e6:.1f} MB, "
+        f"{free_bytes(out) / 1e9:.1f} GB free"
+    )

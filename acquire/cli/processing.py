@@ -1,0 +1,122 @@
+"""Commands that start from a session: process, evaluate, report; and the demo."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from acquire.cli.capturing import Quiet, run_capture
+from acquire.cli.progress import ProgressDisplay
+from acquire.evaluation import Evaluation, evaluate, read_truth
+from acquire.pipeline import METHODS, Options, process
+from acquire.plan_file import example_text, parse_plan
+from acquire.recording import TRUTH
+from acquire.report import write_report
+from acquire.result import Result
+from acquire.rig import find_bench
+from acquire.session import Session
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command("demo")(demo_command)
+    app.command("process")(process_command)
+    app.command("evaluate")(evaluate_command)
+    app.command("report")(report_command)
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option(help="Folder for the session and the result.")] = Path(
+        "lumisplit-demo"
+    ),
+    quiet: Quiet = False,
+) -> None:
+    """The whole job on a simulated bench: capture, separate, decompose, evaluate, report."""
+    plan = parse_plan(example_text(), "the example plan")
+    session = run_capture(plan, find_bench("sim"), out / "session", quiet=quiet)
+    result = _process(session, out / "result", Options(), quiet=quiet)
+    _print_table(evaluate(result, read_truth(out / "session" / TRUTH, result.record.shape)))
+    typer.echo(f"report: {write_report(result)}")
+
+
+def process_command(
+    folder: Annotated[Path, typer.Argument(metavar="SESSION")],
+    out: Annotated[Path, typer.Option(help="Result folder; an earlier result is replaced.")],
+    method: Annotated[str, typer.Option(help=f"One of: {', '.join(METHODS)}.")] = "iva",
+    components: Annotated[int, typer.Option(help="Number of components.")] = 3,
+    iterations: Annotated[int, typer.Option(min=1, max=10_000, help="AuxIVA iterations.")] = 10,
+    smoothing_px: Annotated[
+        float | None,
+        typer.Option(min=0, max=50, help="σ before the gradients; default: from the noise."),
+    ] = None,
+    leak: Annotated[
+        float,
+        typer.Option(min=0, max=0.99, help="b of the projector, where no black was captured."),
+    ] = 0.0,
+    quiet: Quiet = False,
+) -> None:
+    """Separate every pitch of a session, decompose it and write the report."""
+    options = Options(method, components, iterations, smoothing_px, leak)
+    result = _process(Session.open(folder), out, options, quiet=quiet)
+    typer.echo(f"components: {', '.join(result.record.components)}")
+    typer.echo(f"report: {write_report(result)}")
+
+
+def evaluate_command(
+    folder: Annotated[Path, typer.Argument(metavar="RESULT")],
+    truth: Annotated[Path, typer.Option(help="npz with direct, subsurface, interreflection.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Compare a result with the truth, single-pitch max/min beside it."""
+    result = Result.open(folder)
+    evaluation = evaluate(result, read_truth(truth, result.record.shape))
+    if as_json:
+        typer.echo(json.dumps(_finite(evaluation), indent=1))
+    else:
+        _print_table(evaluation)
+
+
+def report_command(folder: Annotated[Path, typer.Argument(metavar="RESULT")]) -> None:
+    """Write the page of a result again."""
+    typer.echo(f"report: {write_report(Result.open(folder))}")
+
+
+def _process(session: Session, out: Path, options: Options, *, quiet: bool) -> Result:
+    with ProgressDisplay(quiet=quiet) as progress:
+        result = process(session, out, options, progress)
+    for warning in result.record.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    return result
+
+
+def _finite(evaluation: Evaluation) -> dict[str, object]:
+    """JSON knows no NaN: an error that is not defined becomes null."""
+    rows = [
+        {key: value if value == value else None for key, value in asdict(row).items()}  # noqa: PLR0124
+        for row in evaluation.rows
+    ]
+    return asdict(evaluation) | {"rows": rows}
+
+
+def _print_table(evaluation: Evaluation) -> None:
+    table = Table("truth", "estimate", "matched", "relative error", "after gains")
+    for row in evaluation.rows:
+        table.add_row(
+            row.truth,
+            row.estimate,
+            row.matching,
+            f"{row.error:.4f}",
+            f"{row.error_after_gains:.4f}",
+        )
+    console = Console()
+    console.print(table)
+    console.print(
+        f"{evaluation.pixels} pixels measured, {evaluation.excluded} left out "
+        "(saturated, unlit, or without truth)"
+    )

@@ -1,0 +1,94 @@
+"""How a long job is shown: a bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from acquire.plan import Step
+
+LINE_EVERY_S = 10.0
+
+
+class ProgressDisplay:
+    """Shows stages of a job on standard error; speaks both observers' languages.
+
+    On a terminal a bar with the time left. Elsewhere a line at the start and the end of each
+    stage and every ten seconds between.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self._console = Console(stderr=True)
+        self._live = self._console.is_terminal and not quiet
+        self._quiet = quiet
+        self._bar = Progress(
+            TextColumn("{task.description:<12}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._live,
+        )
+        self._task: TaskID | None = None
+        self._name, self._total, self._done = "", 0, 0
+        self._began_s = self._spoke_s = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def stage(self, name: str, total: int, done: int = 0) -> None:
+        """A stage of `total` units begins, of which `done` are done already."""
+        self._name, self._total, self._done = name, total, done
+        self._began_s = time.monotonic()
+        self._task = self._bar.add_task(name, total=total, completed=done)
+        self._line(f"{name}: {total - done} to do")
+
+    def advance(self) -> None:
+        """One unit of the stage is done."""
+        self._done += 1
+        if self._task is not None:
+            self._bar.advance(self._task)
+        now = time.monotonic()
+        if self._done == self._total:
+            self._line(f"{self._name}: done in {now - self._began_s:.1f} s")
+        elif now - self._spoke_s > LINE_EVERY_S:
+            left_s = (now - self._began_s) / self._done * (self._total - self._done)
+            self._line(f"{self._name}: {self._done} of {self._total}, about {left_s:.0f} s left")
+
+    def frame_kept(self, step: Step, total: int) -> None:  # noqa: ARG002 - see sequencer.Observer
+        """A frame of a capture is on the disk."""
+        self.advance()
+
+    def warning(self, message: str) -> None:
+        """Something a person should know; the job goes on."""
+        self._console.print(f"warning: {message}", markup=False, highlight=False, soft_wrap=True)
+
+    def _line(self, text: str) -> None:
+        if self._live or self._quiet:
+            return
+        self._spoke_s = time.monotonic()
+        print(text, file=sys.stderr, flush=True)  # noqa: T201 - the terminal is the product here

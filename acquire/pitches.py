@@ -1,0 +1,206 @@
+"""Direct and global light at every pitch, streamed from the session one frame at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from acquire.errors import StackError
+from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
+from acquire.session.folder import storage
+from acquire.stack import PitchGroup, Reference, Stack
+from processing.patterns import Family
+from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
+
+UNLIT_FRACTION = 0.01
+BRIGHT_PERCENTILE = 99.5
+WARNED_SPREAD = 0.01
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class SeparatedPitches:
+    """What the frames say before any decomposition.
+
+    Parameters
+    ----------
+    pitches
+        Families and pitches in order, with the files of their direct and global images.
+    white
+        float32, (height, width, 3): white less black light.
+    mask
+        uint8, (height, width), `PixelClass`.
+    warnings
+        What a person must know about the frames.
+    """
+
+    pitches: tuple[PitchRecord, ...]
+    white: Image
+    mask: NDArray[np.uint8]
+    warnings: tuple[str, ...]
+
+    def mask_record(self) -> MaskRecord:
+        """The mask, counted."""
+        return MaskRecord(
+            pixels=self.mask.size,
+            saturated=int(np.sum(self.mask == PixelClass.SATURATED)),
+            unlit=int(np.sum(self.mask == PixelClass.UNLIT)),
+        )
+
+
+def separate_pitches(
+    stack: Stack, folder: Path, leak: float, frame_done: Callable[[], None]
+) -> SeparatedPitches:
+    """Write ``pitches/*.tiff`` into `folder`; holds one pitch's running extrema at a time.
+
+    Parameters
+    ----------
+    stack
+        The session's frames.
+    folder
+        The result folder; it exists.
+    leak
+        b, the fraction of its light that a dark projector pixel still emits, when no black
+        frame was captured that could be subtracted.
+    frame_done
+        Called after each decoded frame.
+    """
+    black = stack.reference(Family.BLACK, frame_done)
+    white = stack.reference(Family.WHITE, frame_done)
+    lit = _lit(white, black)
+    with storage(folder):
+        (folder / "pitches").mkdir(exist_ok=True)
+    names = _names(stack.groups)
+    pitches, sums = [], []
+    for group, name in zip(stack.groups, names, strict=True):
+        separation = _separate(stack, group, black, lit, leak, frame_done)
+        pitches.append(_write(folder, group, name, separation))
+        if lit is None:
+            sums.append(separation.direct_light + separation.global_light)
+    whole = lit if lit is not None else np.mean(sums, axis=0, dtype=np.float32)
+    return SeparatedPitches(
+        tuple(pitches), whole, _mask(stack, whole), tuple(_warnings(stack, white, black))
+    )
+
+
+def blank_unusable(image: Image, mask: NDArray[np.uint8]) -> None:
+    """Make saturated pixels NaN and unlit ones 0, in place."""
+    image[mask == PixelClass.SATURATED] = np.nan
+    image[mask == PixelClass.UNLIT] = 0
+
+
+def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
+    """The direct images as they lie on the disk, one (height, width, 3) map a pitch."""
+    return [tifffile.memmap(folder / pitch.direct, mode="r") for pitch in pitches]
+
+
+def blank_files(folder: Path, separated: SeparatedPitches) -> None:
+    """Blank what could not be measured in every pitch's files."""
+    for pitch in separated.pitches:
+        for path in (pitch.direct, pitch.global_):
+            with storage(folder / path):
+                image = tifffile.memmap(folder / path, mode="r+")
+                blank_unusable(image, separated.mask)
+                image.flush()
+
+
+def _lit(white: Reference | None, black: Reference | None) -> Image | None:
+    if white is None:
+        return None
+    return white.image if black is None else white.image - black.image
+
+
+def _separate(
+    stack: Stack,
+    group: PitchGroup,
+    black: Reference | None,
+    lit: Image | None,
+    leak: float,
+    frame_done: Callable[[], None],
+) -> Separation:
+    estimator: ExtremaSeparation | SinusoidSeparation | None = None
+    for frame, image in stack.images(group.frames):
+        values = image.values if black is None else image.values - black.image
+        if group.family.is_binary:
+            if not isinstance(estimator, ExtremaSeparation):
+                estimator = ExtremaSeparation(values.shape)
+            estimator.add(values)
+        else:
+            if not isinstance(estimator, SinusoidSeparation):
+                estimator = SinusoidSeparation(values.shape)
+            estimator.add(values, frame.pattern.phase)
+        frame_done()
+    try:
+        if estimator is not None:
+            return estimator.separate(white=lit, leak=leak)
+    except ValueError as error:
+        raise StackError(
+            f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}"
+        ) from error
+    raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
+
+
+def _names(groups: tuple[PitchGroup, ...]) -> list[str]:
+    """``0008``, or ``stripes-rows-0008`` where several families were captured."""
+    alone = len({group.family for group in groups}) == 1
+    return [
+        f"{group.pitch_px:04d}" if alone else f"{group.family}-{group.pitch_px:04d}"
+        for group in groups
+    ]
+
+
+def _write(folder: Path, group: PitchGroup, name: str, separation: Separation) -> PitchRecord:
+    direct, global_ = f"pitches/direct-{name}.tiff", f"pitches/global-{name}.tiff"
+    write_tiff(folder / direct, separation.direct_light)
+    write_tiff(folder / global_, separation.global_light)
+    return PitchRecord(
+        family=group.family,
+        pitch_px=group.pitch_px,
+        shifts=len(group.frames),
+        direct=direct,
+        global_=global_,
+    )
+
+
+def _mask(stack: Stack, whole: Image) -> NDArray[np.uint8]:
+    """Unlit: in no colour as bright as 1 % of the scene's bright parts."""
+    mask = np.full(whole.shape[:2], PixelClass.MEASURED, np.uint8)
+    brightness = whole.max(axis=-1)
+    usable = brightness if stack.saturated is None else brightness[~stack.saturated]
+    bright = float(np.percentile(usable, BRIGHT_PERCENTILE)) if usable.size else 0.0
+    mask[brightness <= max(UNLIT_FRACTION * bright, 0.0)] = PixelClass.UNLIT
+    if stack.saturated is not None:
+        mask[stack.saturated] = PixelClass.SATURATED
+    return mask
+
+
+def _warnings(stack: Stack, white: Reference | None, black: Reference | None) -> list[str]:
+    warnings = []
+    if white is None:
+        warnings.append(
+            "No white frame: the sum of the extrema at each pitch stands in for it, and no frame "
+            "could be checked against its complement."
+        )
+    elif white.spread > WARNED_SPREAD:
+        warnings.append(
+            f"The white frames differ by up to ±{white.spread:.1%} in level: lamp, camera or room "
+            "light changed during the capture. Direct light carries errors of that size."
+        )
+    if black is None:
+        warnings.append(
+            "No black frame: light of the room and of the projector's dark pixels was not "
+            "subtracted and counts as global light."
+        )
+    pairs = [group for group in stack.groups if group.family.is_binary and len(group.frames) == 2]
+    if pairs:
+        warnings.append(
+            f"{len(pairs)} of {len(stack.groups)} pitches were captured in two positions only: "
+            "pixels on the edge of a stripe or check are half lit in both, and their direct "
+            "light reads too low."
+        )
+    return warnings

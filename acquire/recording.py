@@ -1,0 +1,81 @@
+"""A capture from plan and bench to a session folder, new or gone on with."""
+
+from __future__ import annotations
+
+import io
+import threading
+from pathlib import Path
+
+import numpy as np
+
+from acquire.errors import SessionError
+from acquire.plan import Plan
+from acquire.plan_file import check_fits
+from acquire.rig import Bench, Resumption
+from acquire.sequencer import Observer, Outcome, capture
+from acquire.session import Session, SessionRecord
+from acquire.session.folder import write_durably
+from acquire.session.records import host, versions
+from acquire.storage import check_room
+
+TRUTH = "truth.npz"
+ROOM_KEPT_BYTES = 64 << 20
+
+
+def record(
+    plan: Plan, bench: Bench, folder: Path, observer: Observer, stop: threading.Event
+) -> tuple[Session, Outcome]:
+    """Capture a plan into a folder; goes on where an interrupted capture stopped.
+
+    Raises
+    ------
+    PlanError
+        The bench's projector cannot show the plan.
+    SessionError
+        The folder holds something else, or was begun with another plan or bench.
+    DriverError, StorageError
+        As from `acquire.sequencer.capture`.
+    """
+    check_fits(plan, bench.resolution, bench.name)
+    with Session.locked(folder):
+        session = _session(plan, bench, folder)
+        session.recover()
+        missing = len(plan) - len(session.frames)
+        if missing == 0:
+            return session, Outcome.COMPLETE
+        check_room(folder, missing * bench.frame_bytes + ROOM_KEPT_BYTES)
+        _write_truth(plan, bench, folder)
+        last_file = session.read(session.frames[-1]) if session.frames else None
+        with bench.open(Resumption(plan, session.frames, last_file)) as devices:
+            outcome = capture(session, devices, observer, stop)
+    return session, outcome
+
+
+def _session(plan: Plan, bench: Bench, folder: Path) -> Session:
+    description = bench.description | {"projector_px": list(bench.resolution)}
+    if not Session.exists(folder):
+        opening = SessionRecord(
+            plan_sha256=plan.sha256, bench=description, versions=versions(), host=host()
+        )
+        return Session.create(folder, plan, opening)
+    session = Session.open(folder)
+    if session.plan.sha256 != plan.sha256:
+        raise SessionError(
+            f"{folder} was begun with another plan; a session is captured with one. Give the plan "
+            "it was begun with, or another --out."
+        )
+    if session.record.bench != description:
+        raise SessionError(
+            f"{folder} was begun on another bench (or the bench file was changed since); a session "
+            "is captured on one. Give that bench, or another --out."
+        )
+    return session
+
+
+def _write_truth(plan: Plan, bench: Bench, folder: Path) -> None:
+    truth = bench.truth(plan)
+    if truth is None or (folder / TRUTH).exists():
+        return
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **{name: image.astype(np.float32) for name, image in truth.items()})
+    write_durably(folder / TRUTH, buffer.getvalue())

@@ -1,0 +1,24 @@
+"""Room on the disk, asked before anything is shown."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from acquire.errors import StorageError
+
+
+def free_bytes(folder: Path) -> int:
+    """Bytes free where the folder is or will be."""
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    return shutil.disk_usage(existing).free
+
+
+def check_room(folder: Path, needed_bytes: int) -> None:
+    """Refuse to start what cannot be kept."""
+    free = free_bytes(folder)
+    if needed_bytes > free:
+        raise StorageError(
+            f"The disk of {folder} has {free / 1e9:.2f} GB free; {needed_bytes / 1e9:.2f} GB are "
+            "needed. Make room, choose another --out, or plan fewer pitches or shifts."
+        )
