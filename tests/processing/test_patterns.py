@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from processing.patterns import Family, Pattern, shift_grid, toggled
+
+PAPER_PITCHES = range(8, 97, 4)
+
+
+def checkers(pitch_px: int, span: tuple[int, int] = (2, 1)) -> tuple[Pattern, ...]:
+    grid = shift_grid(pitch_px, (6, 6), span)
+    return tuple(Pattern(Family.CHECKER, pitch_px, *shift) for shift in grid)
+
+
+@pytest.mark.parametrize("pitch_px", PAPER_PITCHES)
+def test_default_grid_is_36_rasters_that_toggle_everything(pitch_px: int) -> None:
+    patterns = checkers(pitch_px)
+    period = (2 * pitch_px, 2 * pitch_px)
+    rasters = [pattern.raster(period) for pattern in patterns]
+    assert len({raster.tobytes() for raster in rasters}) == 36
+    assert toggled(patterns).all()
+    for first, second in zip(rasters[:18], rasters[18:], strict=True):
+        assert np.array_equal(first, 255 - second)
+
+
+@pytest.mark.parametrize(
+    ("span", "different"), [pytest.param((2, 2), 18, id="2x2"), pytest.param((1, 1), 36, id="1x1")]
+)
+def test_other_spans_are_worse(span: tuple[int, int], different: int) -> None:
+    patterns = checkers(24, span)
+    assert len({pattern.raster((48, 48)).tobytes() for pattern in patterns}) == different
+
+
+def test_one_pitch_by_one_leaves_pixels_untoggled() -> None:
+    assert not toggled(checkers(24, (1, 1))).all()
+
+
+def test_checker_is_what_the_definition_says() -> None:
+    raster = Pattern(Family.CHECKER, 5, shift_y_px=3, shift_x_px=7).raster((23, 31))
+    for y in range(23):
+        for x in range(31):
+            lit = ((x + 7) // 5 + (y + 3) // 5) % 2 == 0
+            assert raster[y, x] == 255 * lit
+
+
+@pytest.mark.parametrize(
+    ("family", "axis"),
+    [
+        pytest.param(Family.STRIPES_COLUMNS, 0, id="columns"),
+        pytest.param(Family.STRIPES_ROWS, 1, id="rows"),
+        pytest.param(Family.SINUSOID_COLUMNS, 0, id="sinusoid columns"),
+        pytest.param(Family.SINUSOID_ROWS, 1, id="sinusoid rows"),
+    ],
+)
+def test_stripes_and_sinusoids_vary_one_way(family: Family, axis: int) -> None:
+    code = Pattern(family, 4).code((24, 40))
+    assert np.ptp(code, axis=axis).max() == 0
+    assert np.ptp(code, axis=1 - axis).min() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_sinusoid_through_the_projector_is_a_sinusoid(gamma: float) -> None:
+    pattern = Pattern(Family.SINUSOID_COLUMNS, 16, shift_x_px=5)
+    emitted = (pattern.raster((2, 320), gamma) / 255) ** gamma
+    half_a_step = 0.5 * gamma / 255
+    assert np.abs(emitted - pattern.code((2, 320))).max() <= half_a_step + 1e-3
+
+
+def test_references() -> None:
+    assert (Pattern(Family.WHITE).raster((3, 4)) == 255).all()
+    assert (Pattern(Family.BLACK).raster((3, 4)) == 0).all()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "white",
+        "black",
+        "checker:8:0,2",
+        "stripes-columns:16:4",
+        "stripes-rows:16:4",
+        "sinusoid-columns:9:1",
+        "sinusoid-rows:9:1",
+    ],
+)
+def test_text_round_trip(text: str) -> None:
+    assert str(Pattern.parse(text)) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        pytest.param("chequer:8", "is no pattern", id="unknown"),
+        pytest.param("checker", "at least 1 px", id="no pitch"),
+        pytest.param("checker:8.5", "whole projector pixels", id="fraction"),
+        pytest.param("checker:8:1", "takes 2 shift", id="one shift"),
+        pytest.param("stripes-rows:8:1,2", "takes 1 shift", id="two shifts"),
+        pytest.param("checker:8:-1,0", "count from 0", id="negative"),
+        pytest.param("white:8", "neither pitch nor shift", id="white with pitch"),
+    ],
+)
+def test_what_is_no_pattern(text: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        Pattern.parse(text)
