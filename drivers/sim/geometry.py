@@ -1,0 +1,191 @@
+"""Rectangles, pinholes, rays, and the form factors between rectangles.
+
+A scene is concave: every rectangle lies in front of every other one's plane, and so do the
+projector and the camera. Nothing then stands between any two of them, light throws no shadow on
+another rectangle, and form factors need no visibility.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Points: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A rectangle in space; its front is the side to which edge_u × edge_v points.
+
+    Parameters
+    ----------
+    corner, edge_u, edge_v
+        (x, y, z) in metres; the edges are at right angles. A point on it is
+        corner + u·edge_u + v·edge_v with u and v in [0, 1].
+    """
+
+    corner: tuple[float, float, float]
+    edge_u: tuple[float, float, float]
+    edge_v: tuple[float, float, float]
+
+    @property
+    def normal(self) -> Points:
+        """Unit vector (3,) to the front."""
+        across = np.cross(self.edge_u, self.edge_v)
+        return across / np.linalg.norm(across)
+
+    @property
+    def sides_m(self) -> tuple[float, float]:
+        """Lengths of edge_u and edge_v in metres."""
+        return float(np.linalg.norm(self.edge_u)), float(np.linalg.norm(self.edge_v))
+
+    def at(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> Points:
+        """Points (..., 3) in metres at (u, v) of equal shapes."""
+        return (
+            np.asarray(self.corner)
+            + u[..., np.newaxis] * np.asarray(self.edge_u)
+            + v[..., np.newaxis] * np.asarray(self.edge_v)
+        )
+
+    def hit(
+        self, origin: Points, directions: Points
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Where rays meet it: distance in units of `directions` (∞ for a miss), u, v; (n,) each."""
+        facing = directions @ self.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = ((np.asarray(self.corner) - origin) @ self.normal) / facing
+            place = origin + distance[:, np.newaxis] * directions - np.asarray(self.corner)
+            edge_u, edge_v = np.asarray(self.edge_u), np.asarray(self.edge_v)
+            u = place @ edge_u / (edge_u @ edge_u)
+            v = place @ edge_v / (edge_v @ edge_v)
+            inside = (facing < 0) & (distance > 0) & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+        return np.where(inside, distance, np.inf), u, v
+
+
+@dataclass(frozen=True, slots=True)
+class Pinhole:
+    """A pinhole camera or projector.
+
+    Parameters
+    ----------
+    position, target
+        (x, y, z) in metres: where it stands and what its axis points at; z is up.
+    size_px
+        (height, width) of its raster, row 0 on top.
+    focal_px
+        Focal length in pixels.
+    """
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    size_px: tuple[int, int]
+    focal_px: float
+
+    def frame(self) -> Points:
+        """(3, 3) unit vectors: right, down, along the axis."""
+        axis = np.subtract(self.target, self.position)
+        axis = axis / np.linalg.norm(axis)
+        right = np.cross(axis, (0.0, 0.0, 1.0))
+        right = right / np.linalg.norm(right)
+        return np.stack([right, np.cross(axis, right), axis])
+
+    def rays(self, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Points:
+        """Directions (n, 3), of length 1 along the axis, through places in pixels (n,).
+
+        The upper left corner of the raster is at (−½, −½): pixel centres are whole numbers.
+        """
+        height, width = self.size_px
+        x = (columns - (width - 1) / 2) / self.focal_px
+        y = (rows - (height - 1) / 2) / self.focal_px
+        return np.stack([x, y, np.ones_like(x)], axis=-1) @ self.frame()
+
+    def project(
+        self, points: Points
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Rows and columns in pixels and depth along the axis in metres, (n,) each, of (n, 3)."""
+        x, y, depth = self.frame() @ (points - np.asarray(self.position)).T
+        height, width = self.size_px
+        rows = self.focal_px * y / depth + (height - 1) / 2
+        columns = self.focal_px * x / depth + (width - 1) / 2
+        return rows, columns, depth
+
+    def irradiance(self, points: Points, normal: Points) -> NDArray[np.float64]:
+        """Irradiance (n,) at (n, 3) points of a surface when the pixels there emit 1.
+
+        Every pixel carries the same flux, 1 for each unit of the image plane at distance 1:
+        E = cos(incidence) · r / depth³, with r the distance to the projector.
+        """
+        away = np.asarray(self.position) - points
+        _, _, depth = self.project(points)
+        return np.maximum(away @ normal, 0) / depth**3
+
+
+def nearest_hits(
+    rectangles: tuple[Rectangle, ...], origin: Points, directions: Points
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Index of the rectangle that each ray meets first (−1 for none), and u and v on it; (n,)."""
+    best = np.full(len(directions), np.inf)
+    which = np.full(len(directions), -1)
+    at_u, at_v = np.zeros(len(directions)), np.zeros(len(directions))
+    for index, rectangle in enumerate(rectangles):
+        distance, u, v = rectangle.hit(origin, directions)
+        nearer = distance < best
+        best[nearer], which[nearer] = distance[nearer], index
+        at_u[nearer], at_v[nearer] = u[nearer], v[nearer]
+    return which, at_u, at_v
+
+
+def check_concave(rectangles: tuple[Rectangle, ...], viewpoints: list[Points]) -> None:
+    """Raise ValueError unless everything lies in front of every rectangle's plane."""
+    corner_uv = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    corners = [rectangle.at(corner_uv[:, 0], corner_uv[:, 1]) for rectangle in rectangles]
+    everything = np.concatenate([*corners, np.stack(viewpoints)])
+    for rectangle in rectangles:
+        height = (everything - np.asarray(rectangle.corner)) @ rectangle.normal
+        if height.min() < -1e-9:
+            raise ValueError(f"the scene is not concave: something lies behind {rectangle}")
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def point_form_factors(
+    points: Points, normals: Points, polygons: Points
+) -> NDArray[np.float64]:  # pragma: no cover - compiled
+    """Form factors from points to polygons, Lambert's formula.
+
+    F = 1/(2π) Σ_k γ_k n·Γ_k over the edges k of the polygon, γ_k the angle that the edge spans
+    at the point and Γ_k the unit normal of the plane through edge and point (Lambert 1760; e.g.
+    Baum, Rushmeier, Winget 1989, eq. 8). Exact where the whole polygon is above the point's
+    horizon.
+
+    Parameters
+    ----------
+    points, normals
+        (n, 3).
+    polygons
+        (m, 4, 3) corners, counter-clockwise seen from the front.
+
+    Returns
+    -------
+    (n, m): irradiance at the point over the polygon's radiosity, in [0, 1].
+    """
+    factors = np.zeros((len(points), len(polygons)))
+    for i in range(len(points)):
+        for j in range(len(polygons)):
+            total = 0.0
+            for k in range(4):
+                a = polygons[j, (k + 1) % 4] - points[i]
+                b = polygons[j, k] - points[i]
+                cx = a[1] * b[2] - a[2] * b[1]
+                cy = a[2] * b[0] - a[0] * b[2]
+                cz = a[0] * b[1] - a[1] * b[0]
+                sine = np.sqrt(cx * cx + cy * cy + cz * cz)
+                if sine > 1e-15:
+                    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+                    lean = normals[i, 0] * cx + normals[i, 1] * cy + normals[i, 2] * cz
+                    total += np.arctan2(sine, cosine) * lean / sine
+            factors[i, j] = max(total / (2 * np.pi), 0.0)
+    return factors
