@@ -109,6 +109,8 @@ class _Capture:
                     digest = self._show(step)
                     self._finish(writing)
                     writing = None
+                    if self.stop.is_set():
+                        break
                     frame = self._expose(step)
                     writing = disk.submit(self._keep, step, digest, frame)
             finally:

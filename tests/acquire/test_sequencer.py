@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquire.errors import BenchError, SessionError
+from acquire.rig import Bench
+from acquire.sequencer import Outcome
+from acquire.session import Session
+from drivers.errors import CameraError, CameraTimeoutError
+from drivers.protocols import CameraSettings, Devices, Raster, RawFrame
+from drivers.sim.clock import SimulatedClock
+from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
+
+RESOLUTION = (48, 64)
+
+
+@dataclass
+class BareProjector:
+    """Holds what it shows; black when closed."""
+
+    resolution: tuple[int, int] = RESOLUTION
+    shown: Raster | None = None
+    history: list[Raster] = field(default_factory=list)
+
+    def show(self, raster: Raster) -> None:
+        self.shown = raster
+        self.history.append(raster)
+
+    def close(self) -> None:
+        self.shown = np.zeros(self.resolution, np.uint8)
+
+
+@dataclass
+class BareCamera:
+    """Delivers the raster it sees as its file; fails as told, by attempt number."""
+
+    projector: BareProjector
+    failures: dict[int, Exception] = field(default_factory=dict)
+    settings: CameraSettings | None = None
+    before: Callable[[int], None] = lambda _: None
+    attempts: int = 0
+
+    def capture(self, settings: CameraSettings) -> RawFrame:
+        attempt, self.attempts = self.attempts, self.attempts + 1
+        self.before(attempt)
+        if attempt in self.failures:
+            raise self.failures[attempt]
+        assert self.projector.shown is not None
+        data = self.projector.shown.tobytes()
+        return RawFrame(data, "image/x-adobe-dng", self.settings or settings, 1.0, 2.0)
+
+    def close(self) -> None:
+        pass
+
+
+def bare_bench(camera: BareCamera) -> Bench:
+    devices = Devices(camera.projector, camera, SimulatedClock())
+    return Bench("bare", {"kind": "bare"}, RESOLUTION, 3072, 0.0, lambda _: devices)
+
+
+def test_every_frame_holds_its_own_pattern(tmp_path: Path) -> None:
+    projector = BareProjector()
+    session, outcome = captured(tmp_path / "s", bench=bare_bench(BareCamera(projector)))
+    assert outcome is Outcome.COMPLETE
+    for frame in session.frames:
+        assert session.read(frame) == frame.pattern.raster(RESOLUTION).tobytes()
+
+
+def test_a_time_out_is_tried_again(tmp_path: Path) -> None:
+    camera = BareCamera(BareProjector(), {4: CameraTimeoutError("no file came.")})
+    notes = Notes()
+    session, _ = captured(tmp_path / "s", bench=bare_bench(camera), notes=notes)
+    assert session.complete
+    assert len(notes.warnings) == 1
+    assert "step 4" in notes.warnings[0]
+
+
+def test_too_many_time_outs_stop_cleanly_and_can_be_gone_on_with(tmp_path: Path) -> None:
+    silent = {attempt: CameraTimeoutError("no file came.") for attempt in (4, 5, 6)}
+    camera = BareCamera(BareProjector(), silent)
+    with pytest.raises(CameraTimeoutError, match=r"Step 4 .*Tried 3 time"):
+        captured(tmp_path / "s", bench=bare_bench(camera))
+    session = Session.open(tmp_path / "s")
+    assert len(session.frames) == 4
+    assert session.record.runs[-1].outcome == "failed"
+    assert "no file came" in session.record.runs[-1].reason
+    session, outcome = captured(tmp_path / "s", bench=bare_bench(BareCamera(BareProjector())))
+    assert outcome is Outcome.COMPLETE
+    assert [run.first_step for run in session.record.runs] == [0, 4]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [CameraError("unplugged"), RuntimeError("a bug"), KeyboardInterrupt()],
+    ids=["camera", "bug", "second Ctrl-C"],
+)
+def test_whatever_happens_the_projector_is_black_and_the_frames_are_kept(
+    tmp_path: Path, error: Exception
+) -> None:
+    camera = BareCamera(BareProjector(), {6: error})
+    with pytest.raises(type(error)):
+        captured(tmp_path / "s", bench=bare_bench(camera))
+    assert camera.projector.shown is not None
+    assert not camera.projector.shown.any()
+    assert len(Session.open(tmp_path / "s").frames) == 6
+
+
+def test_settings_that_differ_are_not_kept(tmp_path: Path) -> None:
+    camera = BareCamera(BareProjector(), settings=CameraSettings(0.2, 8.0, 200))
+    with pytest.raises(BenchError, match="not kept"):
+        captured(tmp_path / "s", bench=bare_bench(camera))
+    assert not Session.open(tmp_path / "s").frames
+
+
+def test_the_last_frame_is_safe_before_the_next_exposure(tmp_path: Path) -> None:
+    lines_before = []
+
+    def look(_attempt: int) -> None:
+        lines_before.append(len((tmp_path / "s" / "frames.jsonl").read_bytes().splitlines()))
+
+    camera = BareCamera(BareProjector(), before=look)
+    captured(tmp_path / "s", bench=bare_bench(camera))
+    assert lines_before == list(range(len(small_plan())))
+
+
+def test_a_stop_finishes_the_frame_in_flight(tmp_path: Path) -> None:
+    notes = Notes()
+
+    def ask(attempt: int) -> None:
+        if attempt == 5:
+            notes.stop.set()
+
+    camera = BareCamera(BareProjector(), before=ask)
+    session, outcome = captured(tmp_path / "s", bench=bare_bench(camera), notes=notes)
+    assert outcome is Outcome.STOPPED
+    assert len(session.frames) == 6
+    assert camera.projector.shown is not None
+    assert not camera.projector.shown.any()
+
+
+def test_stopped_at_every_frame_the_result_is_the_same(tmp_path: Path) -> None:
+    defects = {"late": 0.2, "dropped": 0.2, "swapped": 0.2, "timeouts": 0.2, "drift": 0.1}
+    noise = {"full_well_e": 20000.0, "read_noise_e": 5.0, "flicker": 0.1, "latency_s": 0.15}
+    bench = small_bench(**defects, **noise)
+    plan = small_plan("[pattern]\npitch_px = [8]\nshifts = [4, 2]\n[camera]\nretries = 50\n")
+    captured(tmp_path / "whole", plan, bench)
+    for index in range(len(plan)):
+        captured(tmp_path / "pieces", plan, bench, Notes(stop_after=index))
+    assert recorded_bytes(tmp_path / "pieces") == recorded_bytes(tmp_path / "whole")
+
+
+def test_same_plan_and_seed_same_bytes_other_seed_other_bytes(tmp_path: Path) -> None:
+    for name, seed in [("a", 1), ("b", 1), ("c", 2)]:
+        captured(tmp_path / name, bench=small_bench(full_well_e=20000.0, seed=seed))
+    assert recorded_bytes(tmp_path / "a") == recorded_bytes(tmp_path / "b")
+    assert recorded_bytes(tmp_path / "a") != recorded_bytes(tmp_path / "c")
+
+
+def test_another_plan_or_bench_is_refused(tmp_path: Path) -> None:
+    captured(tmp_path / "s", notes=Notes(stop_after=2))
+    with pytest.raises(SessionError, match="another plan"):
+        captured(tmp_path / "s", plan=small_plan("[pattern]\npitch_px = [16]\n"))
+    with pytest.raises(SessionError, match="another bench"):
+        captured(tmp_path / "s", bench=small_bench(seed=99))
+    assert len(Session.open(tmp_path / "s").frames) == 3
+
+
+def test_a_complete_session_is_left_as_it_is(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s")
+    again, outcome = captured(tmp_path / "s")
+    assert outcome is Outcome.COMPLETE
+    assert again.record == session.record
+
+
+def test_stop_event_set_before_the_start_takes_no_frame(tmp_path: Path) -> None:
+    stop = threading.Event()
+    stop.set()
+    session, outcome = captured(tmp_path / "s", notes=Notes(stop=stop))
+    assert outcome is Outcome.STOPPED
+    assert session.frames == []
