@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from acquire.errors import ResultError, SessionError
 from acquire.result import PixelClass, Result
 from acquire.session.folder import read_plain
-from processing.metrics import best_assignment, relative_error
+from processing.metrics import best_assignment, relative_error, relative_error_with_gains
 
 PARTS = ("direct", "subsurface", "interreflection")
 MAX_TRUTH_BYTES = 8 << 30
@@ -111,7 +111,7 @@ def _row(
         estimate,
         matching,
         relative_error(image, truth, usable),
-        relative_error(image, truth, usable, gains=True),
+        relative_error_with_gains(image, truth, usable),
     )
 
 
@@ -124,11 +124,13 @@ def _named(result: Result, truth: dict[str, Image], usable: NDArray[np.bool_]) -
 def _assigned(result: Result, truth: dict[str, Image], usable: NDArray[np.bool_]) -> Iterator[Row]:
     parts = [part for part in truth if np.any(truth[part][usable])]
     names = result.record.components
-    components = [result.component(name) for name in names]
-    chosen = best_assignment(components, [truth[part] for part in parts], usable)
+    if not parts or len(parts) > len(names):
+        return
+    components = np.stack([result.component(name) for name in names])
+    truths = np.stack([truth[part] for part in parts])
+    chosen = best_assignment(components, truths, usable).components
     for part, index in zip(parts, chosen, strict=True):
-        if index is not None:
-            yield _row(part, names[index], "assigned", components[index], truth[part], usable)
+        yield _row(part, names[index], "assigned", components[index], truth[part], usable)
 
 
 def _single_pitch(

@@ -76,13 +76,16 @@ def separate_pitches(
     with storage(folder):
         (folder / "pitches").mkdir(exist_ok=True)
     names = _names(stack.groups)
-    pitches, sums = [], []
+    pitches: list[PitchRecord] = []
+    whole = lit
     for group, name in zip(stack.groups, names, strict=True):
         separation = _separate(stack, group, black, lit, leak, frame_done)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
-            sums.append(separation.direct_light + separation.global_light)
-    whole = lit if lit is not None else np.mean(sums, axis=0, dtype=np.float32)
+            share = (separation.direct_light + separation.global_light) / len(stack.groups)
+            whole = share if whole is None else whole + share
+    if whole is None:
+        raise StackError("There is no pitch to separate.")
     return SeparatedPitches(
         tuple(pitches), whole, _mask(stack, whole), tuple(_warnings(stack, white, black))
     )
@@ -123,26 +126,26 @@ def _separate(
     leak: float,
     frame_done: Callable[[], None],
 ) -> Separation:
-    estimator: ExtremaSeparation | SinusoidSeparation | None = None
+    extrema: ExtremaSeparation | None = None
+    sinusoid: SinusoidSeparation | None = None
     for frame, image in stack.images(group.frames):
         values = image.values if black is None else image.values - black.image
         if group.family.is_binary:
-            if not isinstance(estimator, ExtremaSeparation):
-                estimator = ExtremaSeparation(values.shape)
-            estimator.add(values)
+            extrema = extrema or ExtremaSeparation(values.shape)
+            extrema.add(values)
         else:
-            if not isinstance(estimator, SinusoidSeparation):
-                estimator = SinusoidSeparation(values.shape)
-            estimator.add(values, frame.pattern.phase)
+            sinusoid = sinusoid or SinusoidSeparation(values.shape)
+            sinusoid.add(values, frame.pattern.phase)
         frame_done()
+    estimator = extrema or sinusoid
+    if estimator is None:
+        raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
     try:
-        if estimator is not None:
-            return estimator.separate(white=lit, leak=leak)
+        return estimator.separate(white=lit, leak=leak)
     except ValueError as error:
         raise StackError(
-            f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}"
+            f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}."
         ) from error
-    raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
 
 
 def _names(groups: tuple[PitchGroup, ...]) -> list[str]:

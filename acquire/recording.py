@@ -77,5 +77,10 @@ def _write_truth(plan: Plan, bench: Bench, folder: Path) -> None:
     if truth is None or (folder / TRUTH).exists():
         return
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{name: image.astype(np.float32) for name, image in truth.items()})
+    direct, subsurface, interreflection = (
+        truth[name].astype(np.float32) for name in ("direct", "subsurface", "interreflection")
+    )
+    np.savez_compressed(
+        buffer, direct=direct, subsurface=subsurface, interreflection=interreflection
+    )
     write_durably(folder / TRUTH, buffer.getvalue())

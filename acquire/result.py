@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 import tifffile
@@ -33,6 +33,7 @@ RECORD = "result.json"
 MAX_JSON_BYTES = 64 << 20
 MAX_IMAGE_BYTES = 8 << 30
 
+Scalar = TypeVar("Scalar", np.float32, np.uint8)
 ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
 ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
 
@@ -158,11 +159,10 @@ class Result:
     @property
     def mask(self) -> NDArray[np.uint8]:
         """`PixelClass` of every pixel, (height, width)."""
-        return read_tiff(self.folder / "mask.tiff", self.record.shape, np.dtype(np.uint8))
+        return read_tiff(self.folder / "mask.tiff", self.record.shape, np.uint8)
 
     def _image(self, relative: str) -> NDArray[np.float32]:
-        shape = (*self.record.shape, 3)
-        return read_tiff(self.folder / relative, shape, np.dtype(np.float32))
+        return read_tiff(self.folder / relative, (*self.record.shape, 3), np.float32)
 
 
 def write_record(folder: Path, record: ResultRecord) -> None:
@@ -178,9 +178,7 @@ def write_tiff(path: Path, image: NDArray[np.float32] | NDArray[np.uint8]) -> No
         tifffile.imwrite(path, image, photometric=photometric, metadata=None)
 
 
-def read_tiff(
-    path: Path, shape: tuple[int, ...], dtype: np.dtype[np.generic]
-) -> NDArray[np.float32]:
+def read_tiff(path: Path, shape: tuple[int, ...], dtype: type[Scalar]) -> NDArray[Scalar]:
     """Read an image of a result after checking that it is the one expected."""
     try:
         if path.is_symlink() or path.parent.is_symlink():
@@ -189,9 +187,9 @@ def read_tiff(
             page = file.pages[0]
             if page.shape != shape or page.dtype != dtype:
                 raise ResultError(
-                    f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype} as result.json "
+                    f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype.__name__} as result.json "
                     "says. Process the session again."
                 )
-            return page.asarray()
+            return np.asarray(page.asarray(), dtype)
     except (OSError, tifffile.TiffFileError, ValueError, IndexError) as error:
         raise ResultError(f"Cannot read {path}: {error}. Process the session again.") from error

@@ -198,4 +198,5 @@ def toggled(patterns: tuple[Pattern, ...]) -> NDArray[np.bool_]:
         raise ValueError("no patterns to compare")
     period = 2 * patterns[0].pitch_px
     codes = np.stack([pattern.code((period, period)) for pattern in patterns])
-    return np.logical_and(codes.max(axis=0) > 0.5, codes.min(axis=0) < 0.5)
+    both: NDArray[np.bool_] = (codes.max(axis=0) > 0.5) & (codes.min(axis=0) < 0.5)
+    return both
