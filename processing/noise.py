@@ -1,0 +1,48 @@
+"""Noise of an image, measured in the image itself, and the smoothing that it calls for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Standard deviation of a normal distribution over its median absolute value.
+_MEDIAN_TO_DEVIATION = 1.4826
+# The kernel (1, -2, 1)' (1, -2, 1) multiplies white noise by the root of its sum of squares.
+_KERNEL_GAIN = 6.0
+
+
+def noise_deviation(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
+    """Standard deviation of white noise in an image, whatever smooth picture lies below it.
+
+    The difference of two Laplacians (Immerkær 1996) is blind to planes and to straight edges
+    along rows and columns; the median of its absolute values (Donoho 1995), instead of their
+    mean, is blind to sparse texture.
+
+    Parameters
+    ----------
+    image
+        float32, (height, width, colours), at least 3 pixels each way.
+    mask
+        bool, (height, width), True where a pixel is usable. Neighbourhoods of 3 × 3 that hold
+        another pixel are left out.
+
+    Returns
+    -------
+    Mean over the colours, in the unit of the image; 0 where no neighbourhood is left.
+    """
+    height, width = mask.shape
+    if image.shape[:2] != (height, width) or min(height, width) < 3:
+        raise ValueError(
+            "noise is measured in 3 × 3 pixels and more: image and mask have shapes "
+            f"{image.shape} and {mask.shape}"
+        )
+    usable = np.ones((height - 2, width - 2), bool)
+    for down in range(3):
+        for right in range(3):
+            usable &= mask[down : height - 2 + down, right : width - 2 + right]
+    if not usable.any():
+        return 0.0
+    along = image[:-2] - 2 * image[1:-1] + image[2:]
+    difference = along[:, :-2] - 2 * along[:, 1:-1] + along[:, 2:]
+    medians = np.median(np.abs(difference[usable]), axis=0)
+    return float(_MEDIAN_TO_DEVIATION / _KERNEL_GAIN * medians.mean())
