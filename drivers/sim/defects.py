@@ -75,6 +75,6 @@ class Defects:
                 "read_noise_e is in electrons and has no scale: give full_well_e as well"
             )
 
-    def _require(self, name: str, holds: bool, what: str) -> None:  # noqa: FBT001 - a predicate
+    def _require(self, name: str, holds: bool, what: str) -> None:
         if not holds:
             raise ValueError(f"{name} must be {what}, not {getattr(self, name)}")

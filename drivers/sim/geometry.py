@@ -35,8 +35,9 @@ class Rectangle:
     @property
     def normal(self) -> Points:
         """Unit vector (3,) to the front."""
-        across = np.cross(self.edge_u, self.edge_v)
-        return across / np.linalg.norm(across)
+        across = np.asarray(np.cross(self.edge_u, self.edge_v), np.float64)
+        unit: Points = across / np.linalg.norm(across)
+        return unit
 
     @property
     def sides_m(self) -> tuple[float, float]:
@@ -45,25 +46,9 @@ class Rectangle:
 
     def at(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> Points:
         """Points (..., 3) in metres at (u, v) of equal shapes."""
-        return (
-            np.asarray(self.corner)
-            + u[..., np.newaxis] * np.asarray(self.edge_u)
-            + v[..., np.newaxis] * np.asarray(self.edge_v)
-        )
-
-    def hit(
-        self, origin: Points, directions: Points
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Where rays meet it: distance in units of `directions` (∞ for a miss), u, v; (n,) each."""
-        facing = directions @ self.normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = ((np.asarray(self.corner) - origin) @ self.normal) / facing
-            place = origin + distance[:, np.newaxis] * directions - np.asarray(self.corner)
-            edge_u, edge_v = np.asarray(self.edge_u), np.asarray(self.edge_v)
-            u = place @ edge_u / (edge_u @ edge_u)
-            v = place @ edge_v / (edge_v @ edge_v)
-            inside = (facing < 0) & (distance > 0) & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
-        return np.where(inside, distance, np.inf), u, v
+        along_u: Points = u[..., np.newaxis] * np.asarray(self.edge_u)
+        along_v: Points = v[..., np.newaxis] * np.asarray(self.edge_v)
+        return np.asarray(self.corner) + along_u + along_v
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +86,16 @@ class Pinhole:
         height, width = self.size_px
         x = (columns - (width - 1) / 2) / self.focal_px
         y = (rows - (height - 1) / 2) / self.focal_px
-        return np.stack([x, y, np.ones_like(x)], axis=-1) @ self.frame()
+        right, down, axis = self.frame()
+        directions: Points = x[:, np.newaxis] * right + y[:, np.newaxis] * down + axis
+        return directions
 
     def project(
         self, points: Points
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Rows and columns in pixels and depth along the axis in metres, (n,) each, of (n, 3)."""
-        x, y, depth = self.frame() @ (points - np.asarray(self.position)).T
+        away = points - np.asarray(self.position)
+        x, y, depth = ((away * direction).sum(axis=-1) for direction in self.frame())
         height, width = self.size_px
         rows = self.focal_px * y / depth + (height - 1) / 2
         columns = self.focal_px * x / depth + (width - 1) / 2
@@ -121,21 +109,44 @@ class Pinhole:
         """
         away = np.asarray(self.position) - points
         _, _, depth = self.project(points)
-        return np.maximum(away @ normal, 0) / depth**3
+        facing: NDArray[np.float64] = np.maximum((away * normal).sum(axis=-1), 0)
+        return facing / depth**3
 
 
 def nearest_hits(
     rectangles: tuple[Rectangle, ...], origin: Points, directions: Points
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Index of the rectangle that each ray meets first (−1 for none), and u and v on it; (n,)."""
-    best = np.full(len(directions), np.inf)
+    axes, offsets = np.empty((len(rectangles), 3, 3)), np.empty((len(rectangles), 3))
+    for index, rectangle in enumerate(rectangles):
+        edge_u, edge_v = np.asarray(rectangle.edge_u), np.asarray(rectangle.edge_v)
+        axes[index] = rectangle.normal, edge_u / (edge_u @ edge_u), edge_v / (edge_v @ edge_v)
+        offsets[index] = axes[index] @ (np.asarray(rectangle.corner) - origin)
+    return _nearest_hits(axes, offsets, directions)
+
+
+@njit(cache=True)
+def _nearest_hits(
+    axes: Points, offsets: Points, directions: Points
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:  # pragma: no cover
+    """`nearest_hits` in the rectangles' own coordinates: axes (m, 3, 3), offsets (m, 3)."""
     which = np.full(len(directions), -1)
     at_u, at_v = np.zeros(len(directions)), np.zeros(len(directions))
-    for index, rectangle in enumerate(rectangles):
-        distance, u, v = rectangle.hit(origin, directions)
-        nearer = distance < best
-        best[nearer], which[nearer] = distance[nearer], index
-        at_u[nearer], at_v[nearer] = u[nearer], v[nearer]
+    along = np.empty(3)
+    for i in range(len(directions)):
+        best = np.inf
+        for j in range(len(axes)):
+            for k in range(3):
+                along[k] = 0.0
+                for xyz in range(3):
+                    along[k] += directions[i, xyz] * axes[j, k, xyz]
+            if along[0] >= 0:
+                continue
+            distance = offsets[j, 0] / along[0]
+            u = distance * along[1] - offsets[j, 1]
+            v = distance * along[2] - offsets[j, 2]
+            if 0 < distance < best and 0 <= u <= 1 and 0 <= v <= 1:
+                best, which[i], at_u[i], at_v[i] = distance, j, u, v
     return which, at_u, at_v
 
 
@@ -150,7 +161,7 @@ def check_concave(rectangles: tuple[Rectangle, ...], viewpoints: list[Points]) -
             raise ValueError(f"the scene is not concave: something lies behind {rectangle}")
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def point_form_factors(
     points: Points, normals: Points, polygons: Points
 ) -> NDArray[np.float64]:  # pragma: no cover - compiled

@@ -57,7 +57,8 @@ class Mesh:
         count_u, count_v = self.surfaces[surface].patches
         column = np.minimum((u * count_u).astype(np.int64), count_u - 1)
         row = np.minimum((v * count_v).astype(np.int64), count_v - 1)
-        return self.offsets[surface] + row * count_u + column
+        place: NDArray[np.int64] = self.offsets[surface] + row * count_u + column
+        return place
 
     def factors_at(
         self, surface: int, u: NDArray[np.float64], v: NDArray[np.float64]
@@ -121,7 +122,7 @@ class NodeGrid:
         return len(self.along_u) * len(self.along_v)
 
     def places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """u and v of every node, v slowest, (size,) each."""
+        """Coordinates u and v of every node, v slowest, (size,) each."""
         v, u = np.meshgrid(self.along_v, self.along_u, indexing="ij")
         return u.ravel(), v.ravel()
 

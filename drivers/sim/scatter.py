@@ -27,21 +27,26 @@ class Scatterer:
 
     Parameters
     ----------
-    spectrum
-        Transform of albedo · profile · texel area, zero-padded so that nothing wraps around.
+    spectra
+        Transforms of albedo · profile · texel area, zero-padded so that nothing wraps around,
+        one for each colour.
     shape, padded
         (rows, columns) of texels, and with the padding.
     """
 
-    spectrum: NDArray[np.complex128]
+    spectra: NDArray[np.complex128]
     shape: tuple[int, int]
     padded: tuple[int, int]
 
     @classmethod
     def of(
-        cls, albedo: float, range_m: float, shape: tuple[int, int], texel_m: tuple[float, float]
+        cls,
+        albedo: tuple[float, ...],
+        range_m: tuple[float, ...],
+        shape: tuple[int, int],
+        texel_m: tuple[float, float],
     ) -> Self:
-        """The transfer for one colour.
+        """The transfer of every colour.
 
         Parameters
         ----------
@@ -59,19 +64,27 @@ class Scatterer:
             fft.next_fast_len(2 * rows - 1, real=True),
             fft.next_fast_len(2 * columns - 1, real=True),
         )
-        quadrant = _cell_means(range_m, shape, texel_m) * texel_m[0] * texel_m[1]
-        kernel = np.zeros(padded)
-        for flip_rows in (False, True):
-            for flip_columns in (False, True):
-                row_index = -np.arange(rows) if flip_rows else np.arange(rows)
-                column_index = -np.arange(columns) if flip_columns else np.arange(columns)
-                kernel[np.ix_(row_index, column_index)] = quadrant
-        return cls(albedo * fft.rfft2(kernel), shape, padded)
+        kernels = np.zeros((len(albedo), *padded))
+        for kernel, strength, range_of_colour_m in zip(kernels, albedo, range_m, strict=True):
+            means = (
+                strength * texel_m[0] * texel_m[1] * _cell_means(range_of_colour_m, shape, texel_m)
+            )
+            for row_sign in (1, -1):
+                for column_sign in (1, -1):
+                    index = np.ix_(row_sign * np.arange(rows), column_sign * np.arange(columns))
+                    kernel[index] = means
+        return cls(fft.rfft2(kernels), shape, padded)
 
     def exitance(self, irradiance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Light that leaves each texel, (..., rows, columns), from the light that falls on them."""
-        transformed = fft.rfft2(irradiance, s=self.padded) * self.spectrum
-        full = fft.irfft2(transformed, s=self.padded)
+        """Light that leaves each texel, (..., colours, rows, columns).
+
+        Parameters
+        ----------
+        irradiance
+            Light that falls on the texels, (..., colours or 1, rows, columns).
+        """
+        transformed = fft.rfft2(irradiance, s=self.padded) * self.spectra
+        full: NDArray[np.float64] = fft.irfft2(transformed, s=self.padded)
         return full[..., : self.shape[0], : self.shape[1]]
 
 

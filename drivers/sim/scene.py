@@ -118,18 +118,19 @@ def printed(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float6
 
 def _corner() -> Scene:
     """A white floor with a tile of wax between a red and a green wall."""
-    wax = Tile((5, 11), (5, 11), (0.16, 0.15, 0.13), (0.70, 0.58, 0.42), (0.012, 0.008, 0.005))
+    wax = Tile((3, 8), (3, 8), (0.17, 0.15, 0.12), (0.68, 0.55, 0.36), (0.020, 0.013, 0.008))
     return Scene(
         surfaces=(
             Surface(
-                Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), (12, 12), plain(0.8, 0.8, 0.78), wax
+                Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), (12, 12), plain(0.85, 0.84, 0.8), wax
             ),
-            Surface(Rectangle((0, 0, 0), (0, 0, 1), (1, 0, 0)), (12, 12), plain(0.8, 0.16, 0.12)),
-            Surface(Rectangle((0, 0, 0), (0, 1, 0), (0, 0, 1)), (12, 12), plain(0.18, 0.62, 0.25)),
+            Surface(Rectangle((0, 0, 0), (0, 0, 1), (1, 0, 0)), (12, 12), plain(0.8, 0.13, 0.1)),
+            Surface(Rectangle((0, 0, 0), (0, 1, 0), (0, 0, 1)), (12, 12), plain(0.12, 0.55, 0.2)),
         ),
-        camera_m=(1.5, 1.5, 1.3),
-        projector_m=(1.42, 1.58, 1.36),
-        target_m=(0.3, 0.3, 0.22),
+        camera_m=(1.45, 1.45, 1.6),
+        projector_m=(1.38, 1.52, 1.66),
+        target_m=(0.26, 0.26, 0.14),
+        field=0.5,
     )
 
 

@@ -13,7 +13,7 @@ from drivers.sim.patches import Mesh, NodeGrid, bilinear
 from drivers.sim.scatter import Scatterer
 from drivers.sim.scene import Surface, Tile
 
-TEXELS_PER_PATCH = 16
+TEXELS_PER_PATCH = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,8 @@ class TexelGrid:
         Its bounds on the surface.
     patches
         Indices of the patches that it covers, v slowest.
-    scatterers
-        Subsurface transfer of each colour.
+    scatterer
+        Subsurface transfer between them.
     """
 
     surface: int
@@ -42,7 +42,7 @@ class TexelGrid:
     lower_uv: tuple[float, float]
     upper_uv: tuple[float, float]
     patches: NDArray[np.int64]
-    scatterers: tuple[Scatterer, ...]
+    scatterer: Scatterer
 
     @classmethod
     def of(cls, mesh: Mesh) -> Self | None:
@@ -67,10 +67,7 @@ class TexelGrid:
             lower_uv=(u_first / count_u, v_first / count_v),
             upper_uv=(u_end / count_u, v_end / count_v),
             patches=(mesh.offsets[index] + rows * count_u + columns).ravel(),
-            scatterers=tuple(
-                Scatterer.of(albedo, range_m, shape, texel_m)
-                for albedo, range_m in zip(tile.albedo, tile.range_m, strict=True)
-            ),
+            scatterer=Scatterer.of(tile.albedo, tile.range_m, shape, texel_m),
         )
 
     def holds(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -85,7 +82,7 @@ class TexelGrid:
         return bilinear(part_v * self.shape[0] - 0.5, part_u * self.shape[1] - 0.5, self.shape)
 
     def samples(self, points: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """u and v of points × points places in every texel, (texels, points²) each."""
+        """Coordinates u and v of points × points places in every texel, (texels, points²) each."""
         rows, columns = np.mgrid[: self.shape[0], : self.shape[1]]
         offsets = (np.arange(points) + 0.5) / points
         down, right = (part.ravel() for part in np.meshgrid(offsets, offsets, indexing="ij"))
@@ -100,7 +97,7 @@ class TexelGrid:
         """Means over the tile's patches, (..., patches), of a field (..., rows, columns)."""
         side = TEXELS_PER_PATCH
         blocks = (self.shape[0] // side, side, self.shape[1] // side, side)
-        means = texels.reshape(*texels.shape[:-2], *blocks).mean(axis=(-3, -1))
+        means: NDArray[np.float64] = texels.reshape(*texels.shape[:-2], *blocks).mean(axis=(-3, -1))
         return means.reshape(*texels.shape[:-2], -1)
 
     def nodes_within(self, grid: NodeGrid) -> NDArray[np.int64]:

@@ -28,6 +28,7 @@ from drivers.sim.geometry import check_concave
 from drivers.sim.sampling import (
     bayer_colours,
     first_bounces,
+    narrowed,
     photosite_views,
     projector_coordinates,
     texel_irradiance,
@@ -68,6 +69,8 @@ class Transport:
     ----------
     camera_px, projector_px
         (height, width) of the measured image and of the projector.
+    projector_px_per_camera_px
+        Median scale of the map from camera pixels to projector pixels.
     coordinates
         (height, width, 2) projector (row, column) at the centre of each camera pixel; NaN where
         it sees no surface.
@@ -83,6 +86,7 @@ class Transport:
 
     camera_px: tuple[int, int]
     projector_px: tuple[int, int]
+    projector_px_per_camera_px: float
     coordinates: Array
     exchange: Exchange
     texels: sparse.csr_array
@@ -96,13 +100,6 @@ class Transport:
         """The transport of a scene; built once for each size."""
         return _built(scene, tuple(camera_px), tuple(projector_px))
 
-    @property
-    def projector_px_per_camera_px(self) -> float:
-        """Median scale of the map from camera pixels to projector pixels."""
-        down, right = np.gradient(self.coordinates, axis=(0, 1))
-        area = down[..., 0] * right[..., 1] - down[..., 1] * right[..., 0]
-        return float(np.sqrt(np.nanmedian(np.abs(area))))
-
     def parts(self, emission: Array) -> Light:
         """What the photosites receive from the projector's light, part by part.
 
@@ -113,16 +110,19 @@ class Transport:
         """
         count = 4 * self.camera_px[0] * self.camera_px[1]
         direct, subsurface, bounced = np.zeros(count), np.zeros(count), np.zeros(count)
+        pixels = self.projector_px[0] * self.projector_px[1]
+        lights = emission.reshape(pixels, -1).T
         tile = self.exchange.tile
+        if tile is not None:
+            irradiance = np.stack([self.texels @ light for light in lights])
+            exitance = tile.scatterer.exitance(irradiance.reshape(-1, *tile.shape))
         for index, colour in enumerate(self.colours):
-            light = (emission if emission.ndim == 2 else emission[..., index]).ravel()
+            light = lights[min(index, len(lights) - 1)]
             first_bounce = colour.first_bounce @ light
             direct[colour.sites] = colour.direct @ light
             if tile is not None:
-                irradiance = (self.texels @ light).reshape(tile.shape)
-                exitance = tile.scatterers[index].exitance(irradiance)
-                first_bounce[tile.patches] += tile.pooled(exitance)
-                subsurface[colour.sites] = colour.exit @ exitance.ravel()
+                first_bounce[tile.patches] += tile.pooled(exitance[index])
+                subsurface[colour.sites] = colour.exit @ exitance[index].ravel()
             indirect = weighted_sum(self.exchange.by_patch[index], first_bounce)
             bounced[colour.sites] = colour.bounced @ indirect
         size = (2 * self.camera_px[0], 2 * self.camera_px[1])
@@ -134,8 +134,8 @@ class Transport:
         return light.direct + light.subsurface + light.interreflection
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def weighted_sum(rows: Array, weights: Array) -> Array:  # pragma: no cover - compiled
+@njit(cache=True)
+def weighted_sum(rows: NDArray[np.float32], weights: Array) -> Array:  # pragma: no cover - compiled
     """Σ_i weights[i] · rows[i], always added in this order, whatever the number of threads."""
     total = np.zeros(rows.shape[1])
     for i in range(len(rows)):
@@ -165,10 +165,20 @@ def _built(scene: Scene, camera_px: tuple[int, int], projector_px: tuple[int, in
     colours = []
     for index, first_bounce in enumerate(bounces):
         sites = np.flatnonzero(mosaic == index)
-        parts = (views.direct[sites], views.exit[sites], views.bounced[sites])
-        colours.append(_Colour(sites, *parts, first_bounce))
+        parts = (views.direct[sites], views.exit[sites], views.bounced[sites], first_bounce)
+        colours.append(_Colour(sites, *(narrowed(part) for part in parts)))
     coordinates = projector_coordinates(exchange, camera, projector)
-    texels = texel_irradiance(exchange, projector)
-    draft = Transport(camera_px, projector_px, coordinates, exchange, texels, tuple(colours), 1.0)
+    scale = _scale(coordinates)
+    texels = narrowed(texel_irradiance(exchange, projector))
+    draft = Transport(
+        camera_px, projector_px, scale, coordinates, exchange, texels, tuple(colours), 1.0
+    )
     unit = float(draft.photosites(np.ones(projector_px)).max())
     return replace(draft, unit=unit)
+
+
+def _scale(coordinates: Array) -> float:
+    """Median over the picture of the root of the map's Jacobian."""
+    down, right = np.gradient(coordinates, axis=0), np.gradient(coordinates, axis=1)
+    area = down[..., 0] * right[..., 1] - down[..., 1] * right[..., 0]
+    return float(np.sqrt(np.nanmedian(np.abs(area))))
