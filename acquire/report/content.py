@@ -1,0 +1,197 @@
+"""What the page says about a result, gathered and put in words before any markup."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from acquire.report import settings
+from acquire.report.figures import (
+    Drawing,
+    convergence_drawing,
+    finite,
+    mixing_drawing,
+    pca_drawing,
+)
+from acquire.report.pictures import LARGE_PX, SMALL_PX, reduction
+from acquire.report.plates import (
+    ComponentPlate,
+    MaskPlate,
+    PitchPlate,
+    WhitePlate,
+    component_plate,
+    mask_plate,
+    measured_pixels,
+    pitch_label,
+    pitch_plate,
+    spread_pitches,
+    white_plate,
+)
+from acquire.result import Result, ResultRecord
+
+METHODS = {"iva": "independent vector analysis"}
+
+
+@dataclass(frozen=True, slots=True)
+class Drawings:
+    """The plots; None where the method has nothing to plot."""
+
+    mixing: Drawing | None
+    pca: Drawing | None
+    convergence: Drawing | None
+    noise_share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Redo:
+    """Everything needed to do it again."""
+
+    commands: tuple[settings.Command, ...]
+    processing: settings.Rows
+    capture: settings.Rows
+    patterns: tuple[settings.PatternRow, ...]
+    source: settings.Rows
+    bench: str
+    runs: tuple[settings.RunRow, ...]
+    versions: tuple[settings.VersionRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """All that the template needs; everything in it is text or a picture."""
+
+    title: str
+    summary: str
+    facts: settings.Rows
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    white: WhitePlate
+    components: tuple[ComponentPlate, ...]
+    pitches: tuple[PitchPlate, ...]
+    mask: MaskPlate
+    drawings: Drawings
+    redo: Redo
+    record: ResultRecord
+    large_reduction: int
+    small_reduction: int
+
+
+def content_of(result: Result) -> Content:
+    """Read a result folder once and prepare everything that the page shows."""
+    record = result.record
+    measured = measured_pixels(result)
+    white = white_plate(result, measured)
+    families = tuple(dict.fromkeys(pitch.family for pitch in record.pitches))
+    pitches = tuple(
+        pitch_plate(result, pitch, white, measured, pitch_label(pitch, families))
+        for pitch in spread_pitches(record.pitches)
+    )
+    notes = record.session.source.notes if record.session.source else ()
+    return Content(
+        title=_title(record),
+        summary=_summary(record),
+        facts=_facts(record),
+        warnings=tuple(warning for warning in record.warnings if warning not in notes),
+        notes=notes,
+        white=white,
+        components=tuple(
+            component_plate(result, index, white, measured)
+            for index in range(len(record.components))
+        ),
+        pitches=pitches,
+        mask=mask_plate(result, white.gain),
+        drawings=_drawings(record, white, pitches),
+        redo=_redo(record),
+        record=record,
+        large_reduction=reduction(record.shape, LARGE_PX),
+        small_reduction=reduction(record.shape, SMALL_PX),
+    )
+
+
+def _scene(record: ResultRecord) -> str | None:
+    simulation = record.session.bench.get("sim")
+    scene = simulation.get("scene") if isinstance(simulation, dict) else None
+    return scene if isinstance(scene, str) and scene else None
+
+
+def _title(record: ResultRecord) -> str:
+    scene = _scene(record)
+    return "The light of a scene, taken apart" if scene is None else f"The light of “{scene}”"
+
+
+def _summary(record: ResultRecord) -> str:
+    patterns = _patterns_in_words(record)
+    kind = record.session.bench.get("kind")
+    origin = {"sim": "a simulated scene", "lab": "a real scene"}.get(str(kind), "a scene")
+    if record.session.source is not None:
+        origin = "a scene that others captured"
+    parts = _listed(record.components)
+    return (
+        f"{record.session.frames} frames of {origin} under {patterns}, "
+        f"separated into {parts} by {METHODS.get(record.method, record.method)}."
+    )
+
+
+def _patterns_in_words(record: ResultRecord) -> str:
+    words: list[str] = []
+    for family in dict.fromkeys(pitch.family for pitch in record.pitches):
+        own = sorted(pitch.pitch_px for pitch in record.pitches if pitch.family is family)
+        many = f"{len(own)} pitches from {own[0]} to {own[-1]} projector pixels"
+        one = f"a pitch of {own[0]} projector pixels"
+        words.append(f"{family.value} patterns at {one if len(own) == 1 else many}")
+    return _listed(words) if words else "uniform light"
+
+
+def _listed(words: tuple[str, ...] | list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def _facts(record: ResultRecord) -> settings.Rows:
+    height, width = record.shape
+    mask = record.mask
+    measured = mask.pixels - mask.saturated - mask.unlit
+    share = 100 * measured / mask.pixels if mask.pixels else math.nan
+    return (
+        ("Frames", str(record.session.frames)),
+        ("Pitches", str(len(record.pitches))),
+        ("Image", f"{width} × {height} px"),
+        ("Method", record.method),
+        ("Components", str(len(record.components))),
+        ("Pixels measured", f"{share:.4g} %"),
+    )
+
+
+def _drawings(record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate, ...]) -> Drawings:
+    alpha = [value for colour in record.mixing.alpha for row in colour for value in row]
+    noise_share = _noise_share(record, white, pitches)
+    pca, cost = record.pca_shares, record.convergence
+    return Drawings(
+        mixing=mixing_drawing(record.mixing, record.components) if finite(alpha) else None,
+        pca=pca_drawing(pca, len(record.components), noise_share) if finite(pca) else None,
+        convergence=convergence_drawing(cost) if finite(cost) else None,
+        noise_share=noise_share,
+    )
+
+
+def _noise_share(
+    record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate, ...]
+) -> float | None:
+    """PCA share of pure noise: its variance over the energy of all rows (those shown stand in)."""
+    squares = [white.mean_square, *(pitch.mean_square for pitch in pitches)]
+    energy = len(record.pca_shares) * sum(squares) / len(squares)
+    share = record.noise**2 / energy if energy > 0 else math.nan
+    return share if 0 < share < 1 else None
+
+
+def _redo(record: ResultRecord) -> Redo:
+    session = record.session
+    return Redo(
+        commands=settings.commands(record),
+        processing=settings.processing_rows(record),
+        capture=settings.capture_rows(session),
+        patterns=settings.pattern_rows(record),
+        source=settings.source_rows(session),
+        bench=settings.bench_toml(session.bench),
+        runs=tuple(settings.run_row(run) for run in session.runs),
+        versions=settings.version_rows(record),
+    )

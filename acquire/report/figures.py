@@ -1,0 +1,211 @@
+"""The numbers of a result as drawings: mixing against pitch, PCA shares, convergence."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
+
+from acquire.result import MixingRecord
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+# Okabe and Ito, Color Universal Design (2008).
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
+DASHES = ("-", "--", ":", "-.")
+INK, FAINT = "#22262b", "#8a9097"
+FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+STYLE: dict[RcKeyType, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "lumisplit",
+    "font.size": 10,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.8,
+    "ytick.major.width": 0.8,
+    "grid.color": "#e4e6e8",
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 10,
+    "lines.solid_capstyle": "round",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """An SVG and what it shows in words."""
+
+    svg: bytes
+    alt: str
+
+    @property
+    def uri(self) -> str:
+        """The drawing as a data URI."""
+        return "data:image/svg+xml;base64," + base64.b64encode(self.svg).decode()
+
+
+def colour_of(index: int) -> str:
+    """The colour that stands for a component everywhere on the page."""
+    return PALETTE[index % len(PALETTE)]
+
+
+def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
+    """α against pitch: one thick line a component, its colours thin, white light at ∞."""
+    alpha = np.array(mixing.alpha)
+    families = [family for family in dict.fromkeys(mixing.families) if not family.is_reference]
+    pitches = [pitch for pitch in mixing.pitch_px if pitch is not None]
+    infinity = _place_of_infinity(pitches)
+    x = np.array([infinity if pitch is None else pitch for pitch in mixing.pitch_px], float)
+    with _drawn(5.7, 4.4) as (figure, axes):
+        axes.axhline(0, color=FAINT, linewidth=0.8)
+        for dash, family in zip(DASHES * len(families), families, strict=False):
+            rows = [k for k, kind in enumerate(mixing.families) if kind in {family, "white"}]
+            rows.sort(key=lambda k: x[k])
+            for index in range(len(names)):
+                _draw_alpha(axes, x[rows], alpha[:, rows, index], colour_of(index), dash)
+        for index, name in enumerate(names):
+            axes.plot([], [], color=colour_of(index), linewidth=2.4, label=name)
+        if len(families) > 1:
+            for dash, family in zip(DASHES * len(families), families, strict=False):
+                axes.plot([], [], color=INK, linestyle=dash, label=family.value)
+        _label_pitches(axes, pitches, infinity)
+        axes.set_ylabel("α, share of the component in the direct image")
+        figure.legend(loc="outside upper left", ncols=3, handlelength=1.8, columnspacing=1.6)
+    return Drawing(_svg(figure), _mixing_in_words(mixing, alpha, names))
+
+
+def _place_of_infinity(pitches: Sequence[int]) -> float:
+    if not pitches:
+        return 1.0
+    return max(pitches) + max(0.1 * (max(pitches) - min(pitches)), 0.15 * max(pitches))
+
+
+def _draw_alpha(
+    axes: Axes, x: NDArray[np.float64], alpha: NDArray[np.float64], colour: str, dash: str
+) -> None:
+    """Draw one component, alpha (colour, row); the step to infinite pitch is dotted."""
+    finite = len(x) - 1
+    for values, width, opacity in ((alpha, 0.8, 0.55), (alpha.mean(axis=0)[np.newaxis], 2.4, 1)):
+        for line in values:
+            axes.plot(x[:finite], line[:finite], dash, c=colour, lw=width, alpha=opacity)
+            axes.plot(x[-2:], line[-2:], ":", c=colour, lw=width / 1.6, alpha=opacity)
+    axes.plot(x[:finite], alpha.mean(axis=0)[:finite], "o", c=colour, ms=3)
+    axes.plot(x[-1:], alpha.mean(axis=0)[-1:], "o", c=colour, ms=5, mfc="white", clip_on=False)
+
+
+def _label_pitches(axes: Axes, pitches: Sequence[int], infinity: float) -> None:
+    shown = sorted(set(pitches))
+    if len(shown) > 8:
+        shown = [shown[k] for k in np.linspace(0, len(shown) - 1, 8).round().astype(int)]
+    axes.set_xticks([*shown, infinity], [*(str(pitch) for pitch in shown), "∞\nwhite light"])
+    axes.set_xlabel("pitch of the pattern in projector pixels")
+    axes.grid(axis="y")
+
+
+def _mixing_in_words(mixing: MixingRecord, alpha: NDArray[np.float64], names: Sequence[str]) -> str:
+    rows = [k for k, pitch in enumerate(mixing.pitch_px) if pitch is not None]
+    if not rows:
+        return "Mixing against pitch: white light only."
+    pitches = [mixing.pitch_px[k] or 0 for k in rows]
+    first, last = rows[int(np.argmin(pitches))], rows[int(np.argmax(pitches))]
+    mean = alpha.mean(axis=0)
+    said = "; ".join(
+        f"{name} from {mean[first, k]:.2f} to {mean[last, k]:.2f}" for k, name in enumerate(names)
+    )
+    return f"Mixing α between pitch {min(pitches)} and {max(pitches)} px, mean of colours: {said}."
+
+
+def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -> Drawing:
+    """Share of each principal component on a logarithmic axis, the kept ones filled.
+
+    Parameters
+    ----------
+    shares
+        Uncentred PCA shares, largest first, each in [0, 1].
+    kept
+        Number of components that were separated.
+    noise_share
+        Share that a component of noise alone would have; None when the noise is not known.
+    """
+    number = np.arange(1, len(shares) + 1)
+    heights = np.maximum(np.array(shares, dtype=float), 1e-16)
+    floor = min([float(heights.min()), *([noise_share] if noise_share else [])]) / 3
+    with _drawn(5.0, 2.5) as (figure, axes):
+        axes.vlines(number, floor, heights, color="#cfd3d7", linewidth=1.2)
+        axes.plot(number[:kept], heights[:kept], "o", c=INK, ms=5)
+        axes.plot(number[kept:], heights[kept:], "o", c=FAINT, ms=5, mfc="white")
+        axes.set_yscale("log")
+        axes.set_ylim(floor, 3)
+        axes.yaxis.set_major_locator(LogLocator(numticks=6))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.3g} %"))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
+        axes.set_xlim(0.4, max(len(shares), kept) + 0.6)
+        axes.grid(axis="y")
+        axes.set_xlabel("principal component")
+        axes.set_ylabel("share")
+        if noise_share:
+            axes.axhline(noise_share, color=PALETTE[4], linestyle="--", linewidth=1.2)
+            axes.annotate(
+                "noise alone", (1, noise_share), (-2, 3), xycoords=("axes fraction", "data"),
+                textcoords="offset points", ha="right", color=PALETTE[4],
+                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
+            )  # fmt: skip
+    listed = ", ".join(f"{share:.2g}" for share in shares[: kept + 1])
+    return Drawing(_svg(figure), f"PCA shares, largest first: {listed}; {kept} were kept.")
+
+
+def convergence_drawing(cost: Sequence[float]) -> Drawing:
+    """Cost of the separation against the number of iterations."""
+    with _drawn(5.0, 2.5) as (figure, axes):
+        axes.plot(range(len(cost)), cost, "o-", c=INK, ms=4, lw=1.6)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=5))
+        axes.ticklabel_format(axis="y", useOffset=False)
+        axes.grid(axis="y")
+        axes.set_xlabel("iteration")
+        axes.set_ylabel("cost")
+    alt = f"The cost went from {cost[0]:.5g} to {cost[-1]:.5g} in {len(cost) - 1} iterations."
+    return Drawing(_svg(figure), alt)
+
+
+@contextmanager
+def _drawn(width_in: float, height_in: float) -> Iterator[tuple[Figure, Axes]]:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        yield figure, figure.add_subplot()
+
+
+def _svg(figure: Figure) -> bytes:
+    """Render the same bytes for the same numbers, the text in the fonts of the page."""
+    file = io.BytesIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with mpl.rc_context(STYLE):
+        figure.savefig(file, format="svg", transparent=True, metadata=nothing)
+    text = file.getvalue().decode()
+    return re.sub(r"(font: [\d.]+px) [^;\"]+", rf"\1 {FONTS}", text).encode()
+
+
+def finite(values: Sequence[float]) -> bool:
+    """Whether there is something to draw."""
+    return bool(values) and all(math.isfinite(value) for value in values)

@@ -1,0 +1,54 @@
+"""The result as one HTML file that needs nothing else: no network, no script, no other file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from acquire.report.content import Content, content_of
+from acquire.result import Result
+from acquire.session.folder import write_durably
+
+PAGE = "report.html"
+
+
+def write_report(result: Result) -> Path:
+    """Write report.html into the result folder; the same result gives the same bytes."""
+    path = result.folder / PAGE
+    write_durably(path, render(content_of(result)).encode())
+    return path
+
+
+def render(content: Content) -> str:
+    """Put the content into the template; every text is escaped."""
+    environment = Environment(
+        loader=PackageLoader("acquire.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["percent"] = percent
+    environment.filters["factor"] = factor
+    return environment.get_template("report.html.jinja").render(page=content)
+
+
+def percent(fraction: float) -> str:
+    """Write 0.0123 as 1.23 %; not a number as a dash."""
+    if not math.isfinite(fraction):
+        return "–"
+    value = 100 * fraction
+    digits = f"{value:.1f}" if abs(value) >= 9.95 else _plain(value)
+    return digits.replace("-", "−") + "\u202f%"
+
+
+def _plain(value: float) -> str:
+    return np.format_float_positional(value, precision=2, fractional=False, trim="-")
+
+
+def factor(gain: float) -> str:
+    """Write a display gain as ×2.1."""
+    return f"×{gain:.3g}"

@@ -1,0 +1,416 @@
+"""The page: nothing outside it, nothing injected, and the numbers are those of the result."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import os
+import re
+import shutil
+import tomllib
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from PIL import Image
+from pydantic import JsonValue
+
+from acquire.report import write_report
+from acquire.report.page import percent
+from acquire.report.pictures import (
+    SATURATED_RGB,
+    UNLIT_RGB,
+    encode_srgb,
+    exposure_of,
+    mask_map,
+    photograph,
+    reduced,
+    sign_map,
+)
+from acquire.report.plates import spread_pitches
+from acquire.report.settings import bench_toml, commands, run_row
+from acquire.result import PixelClass, Result, write_tiff
+from acquire.session.records import RunRecord, SourceRecord, Transfer
+from processing.patterns import Family
+from tests.acquire.result_folders import SIM, write_result
+
+HOSTILE = "<script>alert('x')</script>\"><img src=https://example.org/x onerror=alert(1)>"
+LOADING = {"src", "href", "srcset", "action", "data", "poster", "background", "formaction"}
+
+
+class Page(HTMLParser):
+    """Tags, loaded addresses, event handlers and text of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.addresses: list[str] = []
+        self.handlers: list[str] = []
+        self.images: dict[str, str] = {}
+        self.csp = ""
+        self._words: list[str] = []
+        self._style = False
+        self.feed(text)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self._words).split())
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        values = {name: value or "" for name, value in attrs}
+        self.addresses += [value for name, value in values.items() if name in LOADING]
+        self.handlers += [name for name in values if name.startswith("on")]
+        if tag == "img":
+            self.images[values["alt"]] = values["src"]
+        if values.get("http-equiv") == "Content-Security-Policy":
+            self.csp = values["content"]
+        self._style = tag == "style"
+
+    def handle_data(self, data: str) -> None:
+        if not self._style:
+            self._words.append(data)
+
+    def pixels(self, alt: str) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+        data = base64.b64decode(self.images[alt].partition(",")[2])
+        return np.asarray(Image.open(io.BytesIO(data)))
+
+
+def said(fraction: float) -> str:
+    """A percentage as `Page.text` has it, every space plain."""
+    return percent(fraction).replace("\u202f", " ")
+
+
+def page_of(result: Result) -> Page:
+    return Page(write_report(result).read_text("utf-8"))
+
+
+IMPORTED = SourceRecord(
+    table=f"{HOSTILE}.csv", table_sha256="1" * 64, transfer=Transfer.SRGB, notes=(HOSTILE,)
+)
+
+
+def test_page_refers_to_nothing_outside_itself(tmp_path: Path) -> None:
+    text = write_report(write_result(tmp_path / "r")).read_text("utf-8")
+    page = Page(text)
+    assert page.addresses
+    assert all(address.startswith(("data:image/", "#")) for address in page.addresses)
+    assert "url(" not in text
+    assert "@import" not in text
+    assert page.csp.startswith("default-src 'none'; img-src data:; style-src 'unsafe-inline'")
+    assert page.tags.count("h1") == 1
+
+
+def test_drawings_are_well_formed_and_refer_to_nothing_outside(tmp_path: Path) -> None:
+    page = page_of(write_result(tmp_path / "r"))
+    drawings = [uri for uri in page.images.values() if uri.startswith("data:image/svg+xml")]
+    assert len(drawings) == 3
+    for uri in drawings:
+        # The text is our own drawing, made a moment ago.
+        root = ET.fromstring(base64.b64decode(uri.partition(",")[2]))  # noqa: S314
+        names = {name for node in root.iter() for name in node.attrib if name.endswith("href")}
+        links = [node.get(name) for node in root.iter() for name in names if node.get(name)]
+        assert all(link is not None and link.startswith("#") for link in links)
+
+
+def test_text_of_strangers_stays_text(tmp_path: Path) -> None:
+    result = write_result(
+        tmp_path / "r",
+        bench={"kind": HOSTILE, "sim": {"scene": HOSTILE, HOSTILE: [HOSTILE]}},
+        options={HOSTILE: {"deep": HOSTILE}, "n_iterations": HOSTILE},
+        source=IMPORTED,
+        runs=(RunRecord(started_s=1e300, first_step=0, outcome="failed", reason=HOSTILE),),
+        warnings=(HOSTILE,),
+        method=HOSTILE,
+        versions={HOSTILE: HOSTILE},
+    )
+    page = page_of(result)
+    assert "script" not in page.tags
+    assert page.handlers == []
+    assert all(address.startswith("data:image/") for address in page.addresses)
+    assert page.text.count("<script>alert('x')</script>") >= 10
+
+
+def test_same_result_gives_the_same_bytes(tmp_path: Path) -> None:
+    first = write_report(write_result(tmp_path / "one")).read_bytes()
+    second = write_report(write_result(tmp_path / "two")).read_bytes()
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("direct",), ("direct", "interreflection"), tuple(f"component-{k}" for k in range(1, 5))],
+    ids=["one", "two", "four"],
+)
+def test_every_component_has_its_name_and_share(tmp_path: Path, names: tuple[str, ...]) -> None:
+    page = page_of(write_result(tmp_path / "r", names=names))
+    total = sum(range(1, len(names) + 1))
+    for index, name in enumerate(names):
+        assert f"{name} {said((index + 1) / total)}" in page.text
+        assert f"{name}, exposed like the white picture." in page.images
+
+
+def test_pictures_share_the_exposure_of_the_white_one(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r", names=("direct", "interreflection"))
+    page = page_of(result)
+    gain = 1 / np.percentile(result.white, 99.5)
+    for alt, image in (
+        ("The scene under white light.", result.white),
+        ("interreflection, exposed like the white picture.", result.component("interreflection")),
+        ("Direct light at 8 px.", 0.6 * result.white),
+    ):
+        expected = encode_srgb(image.astype(np.float64) * gain).astype(int)
+        assert np.abs(page.pixels(alt) - expected).max() <= 1
+    assert f"×{gain:.3g}" in page.text
+    assert "shown ×1.5" in page.text  # 2/3 of the light needs 3/2 of the exposure
+
+
+@pytest.mark.parametrize(
+    ("pixel_class", "words", "colour"),
+    [
+        (PixelClass.SATURATED, "saturated 192 25.0 %", SATURATED_RGB),
+        (PixelClass.UNLIT, "unlit 192 25.0 %", UNLIT_RGB),
+    ],
+    ids=["saturated", "unlit"],
+)
+def test_masked_quarter_is_counted_and_coloured(
+    tmp_path: Path, pixel_class: PixelClass, words: str, colour: np.ndarray[tuple[int, ...]]
+) -> None:
+    page = page_of(write_result(tmp_path / "r", pixel_class=pixel_class))
+    assert words in page.text
+    (alt,) = (alt for alt in page.images if alt.startswith("The scene in grey"))
+    marked = (page.pixels(alt) == colour).all(axis=2)
+    assert marked[:12, :16].all()
+    assert marked.sum() == 192
+    # Neither class enters the shares: three components, 1/6 + 2/6 + 3/6.
+    assert f"interreflection {said(0.5)}" in page.text
+
+
+def test_result_without_a_measured_pixel_still_has_a_page(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r", shape=(1, 1))
+    nothing = np.full((1, 1, 3), np.nan, np.float32)
+    for path in result.folder.rglob("*.tiff"):
+        write_tiff(path, nothing)
+    write_tiff(result.folder / "mask.tiff", np.full((1, 1), PixelClass.SATURATED, np.uint8))
+    page = page_of(result)
+    assert "direct –" in page.text
+    assert tuple(page.pixels("The scene under white light.")[0, 0]) == tuple(SATURATED_RGB)
+
+
+def test_two_families_are_told_apart(tmp_path: Path) -> None:
+    families = (Family.STRIPES_COLUMNS, Family.STRIPES_ROWS)
+    page = page_of(write_result(tmp_path / "r", families=families))
+    for family in families:
+        for pitch_px in (8, 32):
+            assert f"Direct light at {family.value}, {pitch_px} px." in page.images
+    assert "6 of 6 pitches" in page.text
+
+
+def test_pitches_spread_from_the_finest_to_the_coarsest(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r", pitches_px=(96, 8, *range(12, 96, 4)))
+    shown = [pitch.pitch_px for pitch in spread_pitches(result.record.pitches)]
+    assert len(shown) == 6
+    assert shown == sorted(shown)
+    assert (shown[0], shown[-1]) == (8, 96)
+
+
+def test_negative_light_is_said_and_shown(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r", names=("direct", "interreflection"))
+    image = result.component("interreflection").copy()
+    image[:, :16] *= -1
+    write_tiff(result.folder / "components/interreflection.tiff", image)
+    page = page_of(result)
+    assert "Where components are negative" in page.text
+    assert "50.0 %" in page.text
+    colours = page.pixels("interreflection: orange positive, blue negative.").astype(int)
+    bluer = colours[..., 2] > colours[..., 0]
+    assert bluer[:, :16].all()
+    assert not bluer[:, 16:].any()
+
+
+def test_no_negative_light_no_map_of_it(tmp_path: Path) -> None:
+    assert "Where components are negative" not in page_of(write_result(tmp_path / "r")).text
+
+
+def test_warnings_come_before_the_pictures_and_notes_once(tmp_path: Path) -> None:
+    source = SourceRecord(
+        table="t.csv", table_sha256="1" * 64, transfer=Transfer.SRGB, notes=("8-bit pictures.",)
+    )
+    result = write_result(
+        tmp_path / "r", source=source, warnings=("8-bit pictures.", "The lamp drifted.")
+    )
+    text = write_report(result).read_text("utf-8")
+    assert text.index("The lamp drifted.") < text.index("<img")
+    assert text.count("8-bit pictures.") == 1
+    assert "1 warning" in Page(text).text
+
+
+def test_a_page_without_warnings_says_so(tmp_path: Path) -> None:
+    assert "No warnings" in page_of(write_result(tmp_path / "r")).text
+
+
+def test_commands_repeat_the_options(tmp_path: Path) -> None:
+    options: dict[str, JsonValue] = {
+        "n_components": 3,
+        "n_iterations": 25,
+        "smoothing_px": None,
+        "leak": 0.02,
+    }
+    result = write_result(tmp_path / "r", options=options)
+    lines = [command.line for command in commands(result.record)]
+    assert lines[0] == "lumisplit capture PLAN.toml --out SESSION --bench BENCH.toml"
+    assert (
+        "lumisplit process SESSION --out RESULT --method iva --components 3 --iterations 25 "
+        "--leak 0.02"
+    ) in lines
+
+
+def test_command_quotes_the_name_of_a_table(tmp_path: Path) -> None:
+    source = SourceRecord(table="a; b.csv", table_sha256="1" * 64, transfer=Transfer.LINEAR)
+    first = commands(write_result(tmp_path / "r", source=source).record)[0]
+    assert first.line == "lumisplit import 'a; b.csv' --transfer linear --out SESSION"
+
+
+def test_bench_reads_back_as_toml() -> None:
+    bench: dict[str, JsonValue] = {
+        "kind": "sim",
+        "sim": {"scene": 'a "b"\n', "camera_px": [96, 128], "an odd key": 0.5},
+    }
+    assert tomllib.loads(bench_toml(bench)) == bench
+    assert tomllib.loads(bench_toml(SIM)) == {"kind": "sim", "sim": {"scene": "corner", "seed": 7}}
+
+
+@pytest.mark.parametrize(
+    ("started_s", "expected"),
+    [(1.7e9, "2023-11-14 22:13:20 UTC"), (1e300, "1e+300 s after 1970-01-01 UTC")],
+    ids=["a date", "no date of this world"],
+)
+def test_start_of_a_run(started_s: float, expected: str) -> None:
+    assert run_row(RunRecord(started_s=started_s, first_step=0)).started == expected
+
+
+def test_every_version_and_digest_is_on_the_page(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r")
+    page = page_of(result)
+    assert "lumisplit 0.1.0 0.2.0" in page.text
+    assert "rawpy 0.24.1 –" in page.text
+    assert result.record.sha256 in page.text
+    assert result.record.plan_sha256 in page.text
+
+
+@pytest.mark.parametrize(
+    ("linear", "encoded"),
+    [(-1.0, 0), (0.0, 0), (0.0031308, 10), (0.18, 118), (0.5, 188), (1.0, 255), (7.0, 255)],
+)
+def test_transfer_curve_of_srgb(linear: float, encoded: int) -> None:
+    assert encode_srgb(np.array([linear]))[0] == encoded
+
+
+def test_reduction_averages_linear_light() -> None:
+    lit = (np.indices((8, 8)).sum(axis=0) % 2).astype(np.float32)
+    checks = np.stack([lit, lit, lit], axis=2)
+    picture = photograph(checks, 1.0, 4, "checks")
+    pixels = np.asarray(Image.open(io.BytesIO(picture.png)))
+    assert pixels.shape == (4, 4, 3)
+    assert (pixels == 188).all()  # sRGB of one half, not 128
+
+
+def test_reduction_leaves_out_what_was_not_measured() -> None:
+    image = np.full((5, 6, 3), 0.25, np.float32)
+    image[0, 0] = np.nan  # one of four: the block keeps its value
+    image[2:4, 2] = np.nan  # two of four: the block is unknown
+    image[4, 5, 1] = np.inf  # one of the two pixels of a smaller block
+    blocks = reduced(image, 2)
+    assert blocks.shape == (3, 3, 3)
+    unknown = np.isnan(blocks).any(axis=2)
+    assert unknown.tolist() == [[False] * 3, [False, True, False], [False, False, True]]
+    assert np.all(blocks[~unknown] == 0.25)
+
+
+def test_one_masked_pixel_marks_its_block() -> None:
+    mask = np.zeros((8, 8), np.uint8)
+    mask[0, 0], mask[0, 1], mask[7, 7] = PixelClass.UNLIT, PixelClass.SATURATED, PixelClass.UNLIT
+    picture = mask_map(np.ones((8, 8, 3), np.float32), mask, 1.0, 4, "mask")
+    pixels = np.asarray(Image.open(io.BytesIO(picture.png)))
+    assert tuple(pixels[0, 0]) == tuple(SATURATED_RGB)
+    assert tuple(pixels[3, 3]) == tuple(UNLIT_RGB)
+    assert len({tuple(colour) for colour in pixels.reshape(-1, 3)}) == 3
+
+
+def test_zero_is_white_in_the_map_of_signs() -> None:
+    picture = sign_map(np.zeros((2, 2, 3), np.float32), 1.0, 4, "signs")
+    assert (np.asarray(Image.open(io.BytesIO(picture.png))) == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"), [(0.5, 2.0), (0.0, 1.0), (-1.0, 1.0), (math.nan, 1.0)]
+)
+def test_exposure(value: float, expected: float) -> None:
+    assert exposure_of(np.full((2, 2, 3), value, np.float32)) == expected
+
+
+@pytest.mark.parametrize(
+    ("fraction", "expected"),
+    [(1.0, "100.0"), (0.123, "12.3"), (-0.0032, "−0.32"), (1.5e-7, "0.000015"), (0, "0")],
+)
+def test_percent(fraction: float, expected: str) -> None:
+    assert percent(fraction) == f"{expected}\u202f%"
+
+
+ARGUMENTS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@pytest.fixture
+def chromium() -> str:
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None and os.environ.get("CI") == "true":
+        pytest.fail(f"CI must have a browser: none of {', '.join(names)} is on the path")
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
+    return found
+
+
+@pytest.mark.browser
+def test_page_in_a_browser(tmp_path: Path, chromium: str) -> None:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    families = (Family.STRIPES_COLUMNS, Family.STRIPES_ROWS)
+    result = write_result(
+        tmp_path / "r",
+        names=tuple(f"component-{k}" for k in range(1, 5)),
+        families=families,
+        pixel_class=PixelClass.SATURATED,
+        source=IMPORTED,
+        warnings=(HOSTILE, "w" * 300),
+    )
+    uri = write_report(result).as_uri()
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        complaints: list[str] = []
+        requested: list[str] = []
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", lambda request: requested.append(request.url))
+        page.goto(uri)
+        for width_px in (1280, 400):
+            page.set_viewport_size({"width": width_px, "height": 800})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width_px
+        broken = "[...document.images].filter(image => !image.complete || !image.naturalWidth)"
+        assert page.evaluate("document.images.length") > 20
+        assert page.evaluate(f"{broken}.map(image => image.alt)") == []
+        assert complaints == []
+        assert {address for address in requested if not re.match("data:image/", address)} == {uri}
+        browser.close()
