@@ -110,14 +110,14 @@ def _quads(raw: Any) -> LinearImage:
     if sorted(letters) != ["B", "G", "G", "R"]:
         raise DecodeError(f"the mosaic is {letters}, not red, twice green and blue")
     black = np.array([raw.black_level_per_channel[site] for site in sites], np.float32)
-    white = float(raw.white_level)
+    white = np.float32(raw.white_level)
     if not white > black.max():
         raise DecodeError(f"white level {white:g} is not above black level {black.max():g}")
-    channels = np.array(["RGB".index(letter) for letter in letters])
+    # In the order red, green, green, blue: where each lies in the quad and its levels.
+    order = np.argsort(["RGB".index(letter) for letter in letters], kind="stable")
+    first = np.array([(top + site // 2, left + site % 2) for site in order])
     size = (sizes.height // 2, sizes.width // 2)
-    values, saturated, largest = _reduced(
-        raw.raw_image, (top, left), size, channels, black, np.float32(white)
-    )
+    values, saturated, largest = _reduced(raw.raw_image, first, size, black[order], white)
     if largest == 0:
         raise DecodeError(
             "every photosite of the file reads 0: LibRaw cannot unpack this compression"
@@ -128,39 +128,37 @@ def _quads(raw: Any) -> LinearImage:
 @njit(cache=True)
 def _reduced(
     counts: NDArray[np.uint16],
-    margin: tuple[int, int],
+    first: NDArray[np.int64],
     size: tuple[int, int],
-    channels: NDArray[np.int64],
     black: NDArray[np.float32],
     white: np.float32,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], int]:  # pragma: no cover - compiled
-    """Pixels, saturation and largest count; channels and black (4,) of the quad, row by row."""
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], np.uint16]:  # pragma: no cover - compiled
+    """Pixels, saturation and largest count; `first` (4, 2) red, green, green, blue photosites."""
     values = np.empty((size[0], size[1], 3), np.float32)
     saturated = np.empty(size, np.bool_)
-    scale = np.empty(4, np.float32)
-    limit = np.empty(4, np.float32)
-    for k in range(4):
-        share = np.float32(0.5) if channels[k] == 1 else np.float32(1)
-        scale[k] = share / (white - black[k])
-        limit[k] = white - np.float32(SATURATION_MARGIN) * (white - black[k])
-    red, blue = np.argmin(channels), np.argmax(channels)
-    green = np.flatnonzero(channels == 1)
-    largest = 0
-    quad = np.empty(4, np.float32)
+    gain = np.float32(1) / (white - black)
+    half = np.float32(0.5)
+    limit = np.ceil(white - np.float32(SATURATION_MARGIN) * (white - black)).astype(np.uint16)
+    largest = np.uint16(0)
     for i in range(size[0]):
-        upper = counts[margin[0] + 2 * i]
-        lower = counts[margin[0] + 2 * i + 1]
+        reds = counts[first[0, 0] + 2 * i, first[0, 1] :]
+        greens = counts[first[1, 0] + 2 * i, first[1, 1] :]
+        other_greens = counts[first[2, 0] + 2 * i, first[2, 1] :]
+        blues = counts[first[3, 0] + 2 * i, first[3, 1] :]
         for j in range(size[1]):
-            column = margin[1] + 2 * j
-            a, b, c, d = upper[column], upper[column + 1], lower[column], lower[column + 1]
-            largest = max(largest, a, b, c, d)
-            full = a >= limit[0] or b >= limit[1] or c >= limit[2] or d >= limit[3]
-            saturated[i, j] = full
-            quad[0] = (a - black[0]) * scale[0]
-            quad[1] = (b - black[1]) * scale[1]
-            quad[2] = (c - black[2]) * scale[2]
-            quad[3] = (d - black[3]) * scale[3]
-            values[i, j, 0] = quad[red]
-            values[i, j, 1] = quad[green[0]] + quad[green[1]]
-            values[i, j, 2] = quad[blue]
+            red, blue = reds[2 * j], blues[2 * j]
+            green, other_green = greens[2 * j], other_greens[2 * j]
+            largest = max(largest, red, green, other_green, blue)
+            saturated[i, j] = (
+                (red >= limit[0])
+                | (green >= limit[1])
+                | (other_green >= limit[2])
+                | (blue >= limit[3])
+            )
+            values[i, j, 0] = (np.float32(red) - black[0]) * gain[0]
+            values[i, j, 1] = half * (
+                (np.float32(green) - black[1]) * gain[1]
+                + (np.float32(other_green) - black[2]) * gain[2]
+            )
+            values[i, j, 2] = (np.float32(blue) - black[3]) * gain[3]
     return values, saturated, largest
