@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 
@@ -27,7 +28,8 @@ from acquire.report.plates import (
     spread_pitches,
     white_plate,
 )
-from acquire.result import Result, ResultRecord
+from acquire.result import MAX_JSON_BYTES, RECORD, Result, ResultRecord
+from acquire.session.folder import read_plain
 
 METHODS = {"iva": "independent vector analysis"}
 
@@ -101,7 +103,7 @@ def content_of(result: Result) -> Content:
         pitches=pitches,
         mask=mask_plate(result, white.gain),
         drawings=_drawings(record, white, pitches),
-        redo=_redo(record),
+        redo=_redo(record, _digest(result)),
         record=record,
         large_reduction=reduction(record.shape, LARGE_PX),
         small_reduction=reduction(record.shape, SMALL_PX),
@@ -183,11 +185,16 @@ def _noise_share(
     return share if 0 < share < 1 else None
 
 
-def _redo(record: ResultRecord) -> Redo:
+def _digest(result: Result) -> str:
+    """SHA-256 of result.json as it lies on the disk."""
+    return hashlib.sha256(read_plain(result.folder / RECORD, MAX_JSON_BYTES)).hexdigest()
+
+
+def _redo(record: ResultRecord, record_sha256: str) -> Redo:
     session = record.session
     return Redo(
         commands=settings.commands(record),
-        processing=settings.processing_rows(record),
+        processing=settings.processing_rows(record, record_sha256),
         capture=settings.capture_rows(session),
         patterns=settings.pattern_rows(record),
         source=settings.source_rows(session),

@@ -15,7 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from acquire.result import MixingRecord
@@ -157,7 +157,7 @@ def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -
         axes.set_yscale("log")
         axes.set_ylim(floor, 3)
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.3g} %"))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
         axes.set_xlim(0.4, max(len(shares), kept) + 0.6)
@@ -167,7 +167,7 @@ def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -
         if noise_share:
             axes.axhline(noise_share, color=PALETTE[4], linestyle="--", linewidth=1.2)
             axes.annotate(
-                "noise alone", (1, noise_share), (-2, 3), xycoords=("axes fraction", "data"),
+                "noise alone", (1, noise_share), (-2, 4), xycoords=("axes fraction", "data"),
                 textcoords="offset points", ha="right", color=PALETTE[4],
                 bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
             )  # fmt: skip

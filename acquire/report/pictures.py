@@ -177,5 +177,5 @@ def mask_map(
 
 def _picture(pixels: NDArray[np.uint8], alt: str) -> Picture:
     file = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(file, "PNG", compress_level=9)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(file, "PNG", compress_level=6)
     return Picture(file.getvalue(), pixels.shape[1], pixels.shape[0], alt)

@@ -137,8 +137,8 @@ def _option_rows(options: Mapping[str, JsonValue]) -> Iterator[tuple[str, str]]:
         yield f"option {'.'.join(path)}", NOT_SET if value is None else _text(value)
 
 
-def processing_rows(record: ResultRecord) -> Rows:
-    """The method, its options and what it was applied to."""
+def processing_rows(record: ResultRecord, record_sha256: str) -> Rows:
+    """The method, its options, what it was applied to and the digest of result.json."""
     height, width = record.shape
     return (
         ("method", record.method),
@@ -146,7 +146,7 @@ def processing_rows(record: ResultRecord) -> Rows:
         ("components", ", ".join(record.components)),
         ("image", f"{width} × {height} px"),
         ("noise", f"{record.noise:.3g}"),
-        ("digest of result.json", record.sha256),
+        ("digest of result.json", record_sha256),
         ("digest of plan.json", record.plan_sha256),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 import math
 import os
@@ -297,7 +298,7 @@ def test_every_version_and_digest_is_on_the_page(tmp_path: Path) -> None:
     page = page_of(result)
     assert "lumisplit 0.1.0 0.2.0" in page.text
     assert "rawpy 0.24.1 –" in page.text
-    assert result.record.sha256 in page.text
+    assert hashlib.sha256((result.folder / "result.json").read_bytes()).hexdigest() in page.text
     assert result.record.plan_sha256 in page.text
 
 
