@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -61,20 +62,7 @@ def write_result(
     total = sum(range(1, len(names) + 1))
     for index, name in enumerate(names):
         _write(folder / f"components/{name}.tiff", white * ((index + 1) / total), mask)
-    pitches = []
-    for family in families:
-        for pitch_px in pitches_px:
-            stem = "" if len(families) == 1 else f"{family.value}-"
-            pitch = PitchRecord(
-                family=family,
-                pitch_px=pitch_px,
-                shifts=36,
-                direct=f"pitches/direct-{stem}{pitch_px:04d}.tiff",
-                global_=f"pitches/global-{stem}{pitch_px:04d}.tiff",
-            )
-            _write(folder / pitch.direct, white * 0.6, mask)
-            _write(folder / pitch.global_, white * 0.4, mask)
-            pitches.append(pitch)
+    pitches = _write_pitches(folder, families, pitches_px, white, mask)
     saturated, unlit = (
         int((mask == kind).sum()) for kind in (PixelClass.SATURATED, PixelClass.UNLIT)
     )
@@ -91,20 +79,52 @@ def write_result(
         noise=0.001,
         warnings=warnings,
         plan_sha256="0" * 64,
-        session=SessionSummary(
-            plan_sha256="0" * 64,
-            frames=36 * len(pitches) + 2,
-            bench=bench,
-            source=source,
-            camera=CameraPlan(),
-            projector=ProjectorPlan(),
-            runs=runs,
-            versions={"lumisplit": "0.1.0", "rawpy": "0.24.1"},
-        ),
+        session=_session(36 * len(pitches) + 2, bench, source, runs),
         versions={"lumisplit": "0.2.0"} if versions is None else versions,
     )
     write_record(folder, record)
     return Result.open(folder)
+
+
+def _write_pitches(
+    folder: Path,
+    families: Sequence[Family],
+    pitches_px: Sequence[int],
+    white: NDArray[np.float32],
+    mask: NDArray[np.uint8],
+) -> list[PitchRecord]:
+    pitches = []
+    for family, pitch_px in itertools.product(families, pitches_px):
+        stem = f"{pitch_px:04d}" if len(families) == 1 else f"{family.value}-{pitch_px:04d}"
+        pitch = PitchRecord(
+            family=family,
+            pitch_px=pitch_px,
+            shifts=36,
+            direct=f"pitches/direct-{stem}.tiff",
+            global_=f"pitches/global-{stem}.tiff",
+        )
+        _write(folder / pitch.direct, white * 0.6, mask)
+        _write(folder / pitch.global_, white * 0.4, mask)
+        pitches.append(pitch)
+    return pitches
+
+
+def _session(
+    frames: int,
+    bench: dict[str, JsonValue],
+    source: SourceRecord | None,
+    runs: tuple[RunRecord, ...],
+) -> SessionSummary:
+    return SessionSummary(
+        plan_sha256="0" * 64,
+        frames=frames,
+        bench=bench,
+        source=source,
+        camera=CameraPlan(),
+        projector=ProjectorPlan(),
+        runs=runs,
+        versions={"lumisplit": "0.1.0", "rawpy": "0.24.1"},
+    )
 
 
 def _write(path: Path, image: NDArray[np.float32], mask: NDArray[np.uint8]) -> None:
