@@ -1,0 +1,176 @@
+"""Light transport components of a scene from its direct images at several pitches.
+
+The method of Subpa-asa, Zheng, Ono and Sato, with the white image as one more row (the pitch
+beyond all ranges): uncentred PCA of D, gradients of the principal images, whitening in each
+colour, AuxIVA, and the unmixing applied at full resolution with sign, scale and order fixed by
+the white row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.auxiva import auxiva
+from processing.gradients import gradient_samples
+from processing.noise import noise_deviation
+from processing.pca import PrincipalComponents, combine, line_blocks, principal_components
+from processing.smoothing import choose_smoothing
+from processing.unmixing import resolve
+from processing.whitening import whitening
+
+# Enough gradients to estimate a few numbers; more pixels are sampled on a coarser lattice.
+_SAMPLED_PIXELS = 1 << 21
+
+
+@dataclass(frozen=True, slots=True)
+class Decomposition:
+    """Components of light and how they were found.
+
+    Parameters
+    ----------
+    components
+        float32, (n, height, width, colours), linear, in the unit of the rows, signed. In every
+        pixel they add up to its white value, as far as n principal components reproduce it.
+        Pixels outside the mask are unmixed too, but their values mean nothing.
+    names
+        One for each component, see `processing.unmixing`.
+    pitch_px
+        (m,), the last infinite: white.
+    mixing
+        float64, (colours, m, n), α against pitch.
+    shares
+        float64, (m,), of the principal components of D.
+    cost
+        float64, (n_iterations + 1,), of AuxIVA, per sample.
+    smoothing_px
+        Standard deviation of the Gaussian before gradients were taken.
+    noise
+        Standard deviation of the noise of the weakest principal image kept, a fraction of full
+        scale (the 99.9th percentile of white).
+    warnings
+        What a reader must know, in words.
+    """
+
+    components: NDArray[np.float32]
+    names: tuple[str, ...]
+    pitch_px: NDArray[np.float64]
+    mixing: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    cost: NDArray[np.float64]
+    smoothing_px: float
+    noise: float
+    warnings: tuple[str, ...]
+
+
+def decompose_iva(
+    rows: NDArray[np.float32],
+    pitch_px: NDArray[np.float64],
+    mask: NDArray[np.bool_],
+    *,
+    n_components: int = 3,
+    n_iterations: int = 10,
+    smoothing_px: float | None = None,
+    out: NDArray[np.float32] | None = None,
+) -> Decomposition:
+    """Take D = A X apart by independent vector analysis.
+
+    Parameters
+    ----------
+    rows
+        float32, (m, height, width, colours): direct light at each pitch, the white image last.
+        May be mapped from a file: it is read in blocks, twice, and never copied.
+    pitch_px
+        (m − 1,), pitches of the rows before white, increasing, in projector pixels.
+    mask
+        bool, (height, width), True where a pixel is usable; others estimate nothing.
+    n_components
+        2 to m.
+    n_iterations
+        Of AuxIVA, ≥ 0.
+    smoothing_px
+        Standard deviation of the Gaussian before gradients are taken; chosen from the measured
+        noise where it is not given.
+    out
+        float32, (n, height, width, colours), where to write the components; may be mapped from
+        a file.
+    """
+    pitch_px = np.asarray(pitch_px, np.float64)
+    principal = principal_components(rows, mask)
+    _check(rows, pitch_px, n_components)
+    shape = (n_components, *rows.shape[1:])
+    images = np.empty(shape, np.float32) if out is None else out
+    if images.shape != shape:
+        raise ValueError(f"out has shape {images.shape}, the components {shape}")
+    vectors = principal.vectors[:, :n_components]
+    combine(vectors.T, rows, images)
+    noise = noise_deviation(images[-1], mask)
+    warnings = _insignificant(principal, n_components, noise)
+    stride_px = int(np.ceil(np.sqrt(mask.size / _SAMPLED_PIXELS)))
+    if smoothing_px is None:
+        smoothing_px, enough = choose_smoothing(images[-1], mask, noise, stride_px)
+        warnings += () if enough else (_DROWNED,)
+    samples = gradient_samples(images, mask, smoothing_px, stride_px)
+    white_filter = whitening(samples)
+    for color, matrix in zip(samples, white_filter.astype(np.float32), strict=True):
+        color[:] = matrix @ color
+    found = auxiva(samples, n_iterations)
+    means = _means(images, mask)
+    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px, means)
+    combine(unmixing.matrix, images, images)
+    return Decomposition(
+        components=images,
+        names=unmixing.names,
+        pitch_px=np.append(pitch_px, np.inf),
+        mixing=unmixing.mixing,
+        shares=principal.shares,
+        cost=found.cost,
+        smoothing_px=smoothing_px,
+        noise=noise / float(np.percentile(rows[-1][mask], 99.9)),
+        warnings=warnings + unmixing.warnings,
+    )
+
+
+_DROWNED = (
+    "noise drowns the gradients of the weakest component at every scale; "
+    "ask for fewer components or average several captures"
+)
+
+
+def _check(rows: NDArray[np.float32], pitch_px: NDArray[np.float64], n_components: int) -> None:
+    if pitch_px.shape != (rows.shape[0] - 1,):
+        raise ValueError(
+            "one pitch is needed for each row before white; "
+            f"rows have shape {rows.shape}, pitch_px {pitch_px.shape}"
+        )
+    if np.any(np.diff(pitch_px) <= 0) or np.any(pitch_px <= 0):
+        raise ValueError(f"pitches must be positive and increase, not {pitch_px}")
+    if not 2 <= n_components <= rows.shape[0]:
+        raise ValueError(
+            f"{n_components} components cannot come from {rows.shape[0]} rows of shape "
+            f"{rows.shape}; ask for 2 to {rows.shape[0]}"
+        )
+
+
+def _insignificant(
+    principal: PrincipalComponents, n_components: int, noise: float
+) -> tuple[str, ...]:
+    """Warn of principal components that hold little more than noise alone would."""
+    noise_share = noise**2 / (principal.mean_square * len(principal.shares))
+    return tuple(
+        f"principal component {k + 1} is not significant: its share is {share:.1e}, that of "
+        f"noise alone {noise_share:.1e}; ask for fewer components"
+        for k, share in enumerate(principal.shares[:n_components])
+        if share < 2 * noise_share
+    )
+
+
+def _means(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Means over usable pixels, (colours, n)."""
+    total = np.zeros((images.shape[0], images.shape[3]))
+    for lines in line_blocks(images.shape):
+        total += images[:, lines][:, mask[lines]].sum(axis=1, dtype=np.float64)
+    means: NDArray[np.float64] = total.T / np.count_nonzero(mask)
+    return means

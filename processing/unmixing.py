@@ -1,0 +1,140 @@
+"""Sign, scale, order and names of blind components, fixed from physics.
+
+Independent vector analysis leaves each component an unknown factor in each colour and no order.
+Under full light every kind of light counts in full: α = 1 in the white row. That fixes sign and
+scale, and makes the components of a pixel add up to its white value (as far as the principal
+components kept reproduce it). Direct light is direct at every pitch, its α is flat; light that
+travels appears as direct once the pitch exceeds its range, so the other α rise, later for longer
+ranges. Components are ordered by the mean of |α − 1| over pitches: direct, near, far.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# α of direct light at the finest pitch: below 1 by blur, but clearly above every other.
+_DIRECT_AT_LEAST = 0.5
+_DIRECT_LEAD = 0.25
+# α of light lies in [0, 1]; this much beyond is laid to noise and to the model.
+_TOLERANCE = 0.25
+_LEAST_WHITE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Unmixing:
+    """Blind components with sign, scale, order and names.
+
+    Parameters
+    ----------
+    matrix
+        float64, (colours, n, n): components of a colour from its principal images.
+    mixing
+        float64, (colours, m, n): α against pitch, the finest first; the last row, white, is 1.
+    names
+        ``direct``, ``subsurface``, ``interreflection``, or ``component-1`` and so on by place.
+    warnings
+        What is unphysical, in words.
+    """
+
+    matrix: NDArray[np.float64]
+    mixing: NDArray[np.float64]
+    names: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def resolve(
+    unmixing: NDArray[np.float64],
+    vectors: NDArray[np.float64],
+    pitch_px: NDArray[np.float64],
+    principal_means: NDArray[np.float64],
+) -> Unmixing:
+    """Fix what independence cannot tell.
+
+    Parameters
+    ----------
+    unmixing
+        (colours, n, n), components of each colour from its principal images, any scale.
+    vectors
+        (m, n), the principal directions of D that were kept; the last row belongs to white.
+    pitch_px
+        (m − 1,), pitches of the other rows, increasing.
+    principal_means
+        (colours, n), means of the principal images over usable pixels.
+    """
+    mixing = vectors @ np.linalg.inv(unmixing)
+    white = mixing[:, -1]
+    strongest = np.abs(mixing).max(axis=1)
+    # A component that is absent from white has no scale; it gets one that keeps it finite.
+    least = 1e-6 * strongest
+    scale = np.where(np.abs(white) < least, np.copysign(least, white), white)
+    alpha = mixing / scale[:, np.newaxis]
+    order = np.argsort(np.abs(np.mean(alpha[:, :-1], axis=0) - 1).mean(axis=0), kind="stable")
+    matrix = (unmixing * scale[:, :, np.newaxis])[:, order]
+    alpha = alpha[:, :, order]
+    names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
+    means = np.einsum("ckn,cn->ck", matrix, principal_means)
+    absent = (np.abs(white) < _LEAST_WHITE * strongest)[:, order]
+    return Unmixing(matrix, alpha, names, _warnings(names, means, absent))
+
+
+def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> tuple[str, ...]:
+    """Name components whose α says what they are.
+
+    - ``direct``: the first, where its α at the finest pitch is at least 0.5 and exceeds that of
+      every other by 0.25.
+    - ``interreflection``: α stays below ½ up to the middle pitch, the geometric mean of the
+      finest and the coarsest.
+    - ``subsurface``: α is below ½ at the finest pitch and from the middle pitch on above it.
+    - Neither where α leaves [−0.25, 1.25], nor where two components claim one name.
+
+    Parameters
+    ----------
+    alpha
+        (m − 1, n), over the pitches, in the order of the components.
+    pitch_px
+        (m − 1,), increasing.
+    """
+    claims = [_travelled(alpha[:, k], pitch_px) for k in range(alpha.shape[1])]
+    finest = alpha[0]
+    if finest[0] >= max(_DIRECT_AT_LEAST, finest[1:].max() + _DIRECT_LEAD):
+        claims[0] = "direct" if _is_light(alpha[:, 0]) else ""
+    return tuple(
+        claim if claim and claims.count(claim) == 1 else f"component-{k + 1}"
+        for k, claim in enumerate(claims)
+    )
+
+
+def _travelled(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> str:
+    middle_px = np.sqrt(pitch_px[0] * pitch_px[-1])
+    if not _is_light(alpha) or len(pitch_px) < 3:
+        return ""
+    if np.all(alpha[pitch_px <= middle_px] < 0.5):
+        return "interreflection"
+    if alpha[0] < 0.5 and np.all(alpha[pitch_px >= middle_px] > 0.5):
+        return "subsurface"
+    return ""
+
+
+def _is_light(alpha: NDArray[np.float64]) -> bool:
+    return bool(np.all(alpha >= -_TOLERANCE) and np.all(alpha <= 1 + _TOLERANCE))
+
+
+def _warnings(
+    names: tuple[str, ...], means: NDArray[np.float64], absent: NDArray[np.bool_]
+) -> tuple[str, ...]:
+    messages = []
+    for k, name in enumerate(names):
+        if absent[:, k].any():
+            messages.append(
+                f"{name} is nearly absent from the white image, so its scale is uncertain; "
+                "it is no kind of light by itself: ask for fewer components"
+            )
+        if (means[:, k] < 0).any():
+            messages.append(
+                f"{name} is negative on average in {np.count_nonzero(means[:, k] < 0)} of "
+                f"{means.shape[0]} colours, which no light is: do not read it as light"
+            )
+    return tuple(messages)
