@@ -8,6 +8,7 @@ every surface, G B, and on a tile's nodes the exitance that scattering makes of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -48,8 +49,9 @@ class Exchange:
     by_patch: NDArray[np.float32]
 
     @classmethod
+    @lru_cache(maxsize=8)
     def of(cls, scene: Scene) -> Self:
-        """Solve the exchange of a scene."""
+        """Solve the exchange of a scene; once, whatever looks at it."""
         mesh = Mesh.of(scene.surfaces)
         grids = tuple(NodeGrid.of(surface.patches) for surface in scene.surfaces)
         tile = TexelGrid.of(mesh)
