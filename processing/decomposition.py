@@ -8,6 +8,7 @@ the white row.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from processing.auxiva import auxiva
 from processing.gradients import gradient_samples
 from processing.noise import noise_deviation
-from processing.pca import PrincipalComponents, combine, line_blocks, principal_components
+from processing.pca import PrincipalComponents, Rows, combine, line_blocks, principal_components
 from processing.smoothing import choose_smoothing
 from processing.unmixing import resolve
 from processing.whitening import whitening
@@ -38,7 +39,7 @@ class Decomposition:
     names
         One for each component, see `processing.unmixing`.
     pitch_px
-        (m,), the last infinite: white.
+        (m,), as given; the last, white, is infinite.
     mixing
         float64, (colours, m, n), α against pitch.
     shares
@@ -66,8 +67,8 @@ class Decomposition:
 
 
 def decompose_iva(
-    rows: NDArray[np.float32],
-    pitch_px: NDArray[np.float64],
+    rows: Rows,
+    pitch_px: Sequence[float] | NDArray[np.float64],
     mask: NDArray[np.bool_],
     *,
     n_components: int = 3,
@@ -80,10 +81,11 @@ def decompose_iva(
     Parameters
     ----------
     rows
-        float32, (m, height, width, colours): direct light at each pitch, the white image last.
-        May be mapped from a file: it is read in blocks, twice, and never copied.
+        m images, float32, (height, width, colours), or an array of them: direct light at each
+        pitch, the white image last. They may be mapped from files: they are read in blocks,
+        twice, and never copied.
     pitch_px
-        (m − 1,), pitches of the rows before white, increasing, in projector pixels.
+        (m,), the pitch of each row, increasing, in projector pixels; the last, white, infinite.
     mask
         bool, (height, width), True where a pixel is usable; others estimate nothing.
     n_components
@@ -98,9 +100,9 @@ def decompose_iva(
         a file.
     """
     pitch_px = np.asarray(pitch_px, np.float64)
-    principal = principal_components(rows, mask)
     _check(rows, pitch_px, n_components)
-    shape = (n_components, *rows.shape[1:])
+    principal = principal_components(rows, mask)
+    shape = (n_components, *rows[0].shape)
     images = np.empty(shape, np.float32) if out is None else out
     if images.shape != shape:
         raise ValueError(f"out has shape {images.shape}, the components {shape}")
@@ -118,12 +120,12 @@ def decompose_iva(
         color[:] = matrix @ color
     found = auxiva(samples, n_iterations)
     means = _means(images, mask)
-    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px, means)
+    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], means)
     combine(unmixing.matrix, images, images)
     return Decomposition(
         components=images,
         names=unmixing.names,
-        pitch_px=np.append(pitch_px, np.inf),
+        pitch_px=pitch_px,
         mixing=unmixing.mixing,
         shares=principal.shares,
         cost=found.cost,
@@ -139,18 +141,20 @@ _DROWNED = (
 )
 
 
-def _check(rows: NDArray[np.float32], pitch_px: NDArray[np.float64], n_components: int) -> None:
-    if pitch_px.shape != (rows.shape[0] - 1,):
+def _check(rows: Rows, pitch_px: NDArray[np.float64], n_components: int) -> None:
+    if pitch_px.shape != (len(rows),):
         raise ValueError(
-            "one pitch is needed for each row before white; "
-            f"rows have shape {rows.shape}, pitch_px {pitch_px.shape}"
+            "one pitch is needed for each row, infinite for white; "
+            f"there are {len(rows)} rows of shape {rows[0].shape}, pitch_px is {pitch_px.shape}"
         )
-    if np.any(np.diff(pitch_px) <= 0) or np.any(pitch_px <= 0):
-        raise ValueError(f"pitches must be positive and increase, not {pitch_px}")
-    if not 2 <= n_components <= rows.shape[0]:
+    if pitch_px[0] <= 0 or np.any(np.diff(pitch_px) <= 0) or np.isfinite(pitch_px[-1]):
         raise ValueError(
-            f"{n_components} components cannot come from {rows.shape[0]} rows of shape "
-            f"{rows.shape}; ask for 2 to {rows.shape[0]}"
+            f"pitches must be positive, increase and end with infinity (white), not {pitch_px}"
+        )
+    if not 2 <= n_components <= len(rows):
+        raise ValueError(
+            f"{n_components} components cannot come from {len(rows)} rows of shape "
+            f"{rows[0].shape}; ask for 2 to {len(rows)}"
         )
 
 
@@ -170,7 +174,7 @@ def _insignificant(
 def _means(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Means over usable pixels, (colours, n)."""
     total = np.zeros((images.shape[0], images.shape[3]))
-    for lines in line_blocks(images.shape):
+    for lines in line_blocks(images):
         total += images[:, lines][:, mask[lines]].sum(axis=1, dtype=np.float64)
     means: NDArray[np.float64] = total.T / np.count_nonzero(mask)
     return means

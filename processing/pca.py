@@ -1,19 +1,22 @@
 """Uncentred principal components of the direct images of several pitches.
 
 D (rows: one direct image a pitch, then the white image; columns: pixels and colours) is never
-copied: its Gram matrix D D' is summed over blocks of lines, so D may be a file mapped to memory.
+copied: its Gram matrix D D' is summed over blocks of lines, so rows may be files mapped to memory.
 Nothing is centred: in D = A X (Subpa-asa et al., eq. 7) no constant is free.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 _BLOCK_VALUES = 1 << 22
+
+Rows: TypeAlias = Sequence[NDArray[np.float32]] | NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,22 +38,22 @@ class PrincipalComponents:
     mean_square: float
 
 
-def principal_components(rows: NDArray[np.float32], mask: NDArray[np.bool_]) -> PrincipalComponents:
+def principal_components(rows: Rows, mask: NDArray[np.bool_]) -> PrincipalComponents:
     """Uncentred PCA over usable pixels and all colours.
 
     Parameters
     ----------
     rows
-        float32, (m, height, width, colours).
+        m images, float32, (height, width, colours), or an array of them.
     mask
         bool, (height, width), True where a pixel is usable; other values of `rows` are not
         looked at.
     """
     check_rows(rows, mask)
-    n_rows = rows.shape[0]
+    n_rows = len(rows)
     gram = np.zeros((n_rows, n_rows))
-    for lines in line_blocks(rows.shape):
-        block = rows[:, lines][:, mask[lines]].reshape(n_rows, -1).astype(np.float64)
+    for lines in line_blocks(rows):
+        block = np.stack([row[lines][mask[lines]].ravel() for row in rows]).astype(np.float64)
         gram += block @ block.T
     if not np.all(np.isfinite(gram)):
         raise ValueError("usable pixels hold values that are not finite; mask them")
@@ -61,15 +64,13 @@ def principal_components(rows: NDArray[np.float32], mask: NDArray[np.bool_]) -> 
     values, vectors = values[::-1], vectors[:, ::-1]
     largest = np.abs(vectors).argmax(axis=0)
     signs = np.sign(vectors[largest, np.arange(n_rows)])
-    n_samples = np.count_nonzero(mask) * rows.shape[3]
+    n_samples = np.count_nonzero(mask) * rows[0].shape[2]
     return PrincipalComponents(
         np.maximum(values, 0) / energy, vectors * signs, energy / (n_samples * n_rows)
     )
 
 
-def combine(
-    matrix: NDArray[np.float64], images: NDArray[np.float32], out: NDArray[np.float32]
-) -> None:
+def combine(matrix: NDArray[np.float64], images: Rows, out: NDArray[np.float32]) -> None:
     """Write linear combinations of images, block by block; `out` may be `images` itself.
 
     Parameters
@@ -77,21 +78,24 @@ def combine(
     matrix
         (k, m), or (colours, k, m) where each colour has its own.
     images
-        (m, height, width, colours).
+        m images, (height, width, colours), or an array of them.
     out
         (k, height, width, colours), written.
     """
-    per_color = np.broadcast_to(matrix, (images.shape[3], *matrix.shape[-2:])).astype(np.float32)
-    for lines in line_blocks(images.shape):
-        out[:, lines] = np.einsum("ckm,mhwc->khwc", per_color, images[:, lines], optimize=True)
+    n_colors = out.shape[3]
+    per_color = np.broadcast_to(matrix, (n_colors, *matrix.shape[-2:])).astype(np.float32)
+    for lines in line_blocks(images):
+        block = np.stack([image[lines] for image in images])
+        out[:, lines] = np.einsum("ckm,mhwc->khwc", per_color, block, optimize=True)
 
 
-def check_rows(rows: NDArray[np.float32], mask: NDArray[np.bool_]) -> None:
+def check_rows(rows: Rows, mask: NDArray[np.bool_]) -> None:
     """Refuse rows and mask that do not fit each other."""
-    if rows.ndim != 4 or rows.shape[1:3] != mask.shape:
+    shapes = {row.shape for row in rows}
+    if len(shapes) != 1 or len(rows[0].shape) != 3 or rows[0].shape[:2] != mask.shape:
         raise ValueError(
-            "rows must be (m, height, width, colours) and mask (height, width); "
-            f"their shapes are {rows.shape} and {mask.shape}"
+            "rows must be images of one shape, (height, width, colours), and mask (height, width); "
+            f"their shapes are {sorted(shapes)} and {mask.shape}"
         )
     if mask.dtype != np.bool_:
         raise ValueError(f"mask must be bool, True where a pixel is usable, not {mask.dtype}")
@@ -99,9 +103,9 @@ def check_rows(rows: NDArray[np.float32], mask: NDArray[np.bool_]) -> None:
         raise ValueError("the mask leaves no usable pixel: all are saturated or unlit")
 
 
-def line_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Lines of (m, height, width, colours) in blocks small enough to be copied."""
-    n_rows, height, width, n_colors = shape
-    step = max(1, _BLOCK_VALUES // (n_rows * width * n_colors))
+def line_blocks(images: Rows) -> Iterator[slice]:
+    """Lines of all images in blocks small enough to be copied."""
+    height, width, n_colors = images[0].shape
+    step = max(1, _BLOCK_VALUES // (len(images) * width * n_colors))
     for start in range(0, height, step):
         yield slice(start, min(start + step, height))
