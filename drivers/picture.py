@@ -65,7 +65,7 @@ def decode_picture(data: bytes, transfer: Literal["linear", "srgb"]) -> LinearIm
     expected = header.height, header.width, header.channels
     if codes.shape != expected or codes.dtype != header.dtype:
         raise DecodeError(
-            f"the {NAMES[header.media_type]} decodes to {codes.shape} {codes.dtype}, its header says "
+            f"the {NAMES[header.media_type]} holds {codes.shape} {codes.dtype}, its header says "
             f"{expected} {header.dtype}: it is damaged"
         )
     if header.has_alpha:
