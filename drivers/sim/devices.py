@@ -41,6 +41,7 @@ class SimulationConfig:
         Of all randomness, ≥ 0.
     camera_px
         (height, width) of the measured image; the sensor has a 2 × 2 Bayer quad for each.
+        At least 11 each way.
     projector_px
         (height, width) of the projector.
     defects
@@ -55,10 +56,11 @@ class SimulationConfig:
 
     def __post_init__(self) -> None:
         scene_named(self.scene)
-        for name in ("camera_px", "projector_px"):
+        # LibRaw reads no file of less than 22 photosites a side.
+        for name, least in (("camera_px", 11), ("projector_px", 2)):
             size = getattr(self, name)
-            if len(size) != 2 or min(size) < 2 or max(size) > 8192:
-                raise ValueError(f"{name} is (height, width), each 2 to 8192, not {size}")
+            if len(size) != 2 or min(size) < least or max(size) > 8192:
+                raise ValueError(f"{name} is (height, width), each {least} to 8192, not {size}")
         if self.seed < 0:
             raise ValueError(f"seed must be at least 0, not {self.seed}")
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from drivers.sim.devices import SimulatedBench, SimulationConfig, build
 from drivers.sim.replay import ReplayCamera, ReplayProjector
 
 SETTINGS = CameraSettings(exposure_s=0.1, aperture=8.0, iso=200)
-CONFIG = SimulationConfig("board", camera_px=(8, 10), projector_px=(24, 30))
+CONFIG = SimulationConfig("board", camera_px=(12, 14), projector_px=(24, 30))
 FRAMES = 3
 
 
@@ -89,7 +91,7 @@ def replay_camera() -> CameraCase:
     projector = ReplayProjector(CONFIG.projector_px)
     projector.show(white())
     digest = raster_digest(white())
-    camera = ReplayCamera(projector, [(digest, lambda frame=frame: frame) for frame in frames])
+    camera = ReplayCamera(projector, [(digest, partial(copy, frame)) for frame in frames])
     refused = CameraSettings(exposure_s=0.2, aperture=8.0, iso=200)
     return CameraCase(camera, bench.clock, SETTINGS, refused, CONFIG.camera_px)
 

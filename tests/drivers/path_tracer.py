@@ -73,7 +73,8 @@ def projected(scene: Scene, code: Array, points: Array, normals: Array) -> Array
     light = np.zeros(len(points))
     light[inside] = code[row[inside].astype(int), column[inside].astype(int)]
     facing = np.maximum((away * normals).sum(axis=1), 0) / distance
-    return light * facing / along**3 / distance**2
+    irradiance: Array = light / along**3 * facing / distance**2
+    return irradiance
 
 
 def trace(
@@ -148,4 +149,5 @@ def _cosine_lobe(normals: Array, rng: np.random.Generator) -> Array:
     """Directions with density cos/π: the normal plus a random point of the unit sphere."""
     sphere = rng.standard_normal(normals.shape)
     sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
-    return normals + sphere
+    directions: Array = normals + sphere
+    return directions

@@ -108,7 +108,6 @@ def test_blur_has_the_stated_width() -> None:
     centre = (spread * place).sum() / spread.sum()
     width = np.sqrt((spread * (place - centre) ** 2).sum() / spread.sum())
     assert width == pytest.approx(scale, rel=0.01)
-    np.testing.assert_array_equal(seen(bench(), edge) > 0.01, seen(bench(), edge) > 0)
     assert np.ptp(seen(on, CHECKER)) < np.ptp(seen(bench(), CHECKER))
 
 
@@ -161,7 +160,7 @@ def attempt(on: SimulatedBench) -> RawFrame | None:
 
 @pytest.mark.parametrize(("name", "of"), [("late", WHITE), ("dropped", BLACK)])
 def test_defects_of_a_frame_come_as_often_as_they_should(name: str, of: Raster) -> None:
-    on = bench(frames_in_run=200, **{name: 0.2})
+    on = bench("board", 200, **{name: 0.2})
     raster = BLACK if name == "late" else WHITE
     wrong = 0
     for _ in range(200):
@@ -256,7 +255,7 @@ def test_a_run_goes_on_anywhere_as_if_it_had_not_stopped(
     seed: int, stop: int, names: set[str]
 ) -> None:
     defects = Defects(**{name: EVERYTHING[name] for name in names})
-    config = SimulationConfig("board", seed, (8, 10), PROJECTOR_PX, defects)
+    config = SimulationConfig("board", seed, (12, 14), PROJECTOR_PX, defects)
     steps = list(rasters())
     whole = run(build(config, len(steps), settle_s=0.2), steps)
     position = RunPosition()
@@ -268,7 +267,7 @@ def test_a_run_goes_on_anywhere_as_if_it_had_not_stopped(
 
 
 def test_a_run_with_swapped_files_does_not_go_on_without_the_last_one() -> None:
-    config = SimulationConfig("board", 0, (8, 10), PROJECTOR_PX, Defects(swapped=0.1))
+    config = SimulationConfig("board", 0, (12, 14), PROJECTOR_PX, Defects(swapped=0.1))
     with pytest.raises(ValueError, match="delivered last"):
         build(config, 8, position=RunPosition(1, 0.0, WHITE))
 
@@ -276,7 +275,7 @@ def test_a_run_with_swapped_files_does_not_go_on_without_the_last_one() -> None:
 def test_seeds_differ_and_repeat() -> None:
     def noisy(seed: int) -> bytes:
         config = SimulationConfig(
-            "board", seed, (8, 10), PROJECTOR_PX, Defects(full_well_e=20_000.0)
+            "board", seed, (12, 14), PROJECTOR_PX, Defects(full_well_e=20_000.0)
         )
         return run(build(config), [WHITE])[0].data
 
