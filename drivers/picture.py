@@ -49,7 +49,8 @@ def decode_picture(data: bytes, transfer: Literal["linear", "srgb"]) -> LinearIm
     Returns
     -------
     `saturated` marks integers at their largest value in any channel (250 of 255 in JPEG);
-    floating-point pictures have no white level, and none of their pixels is marked.
+    floating-point pictures have no white level, and none of their pixels is marked. JPEG has no
+    check sums: one that was damaged within decodes to wrong values without an error.
 
     Raises
     ------

@@ -16,11 +16,9 @@ from drivers.media import PICTURE_TYPES, media_type, open_tiff
 MAX_PIXELS = 400_000_000
 NAMES = {"image/tiff": "TIFF", "image/png": "PNG", "image/jpeg": "JPEG"}
 
-# Lossless ones: a damaged JPEG strip would decode to wrong values without an error.
-_COMPRESSIONS = {1: "none", 5: "LZW", 8: "deflate", 32946: "deflate", 32773: "PackBits"} | {
-    34925: "LZMA",
-    50000: "Zstandard",
-}
+# None, LZW, deflate (twice), PackBits, LZMA, Zstandard. Lossless ones only: a damaged JPEG strip
+# would decode to wrong values without an error.
+_COMPRESSIONS = {1, 5, 8, 32946, 32773, 34925, 50000}
 _TIFF_TYPES = {"uint8", "uint16", "float16", "float32", "float64"}
 _PHOTOMETRIC = {0: "white-is-zero", 3: "palette", 4: "mask", 5: "CMYK", 6: "YCbCr", 8: "CIE L*a*b*"}
 _JPEG_MODES = {"L": 1, "RGB": 3}
@@ -114,8 +112,10 @@ def _png_header(data: bytes) -> PictureHeader:
         raise DecodeError("the PNG is animated; save each picture as a file of its own")
     if _END_OF_PNG not in data:
         raise DecodeError("the PNG is cut off: its end mark is missing; was it copied whole?")
-    profile = _profile(picture.info.get("icc_profile"))
     channels = _PNG_CHANNELS[color_type]
+    # Deflate cannot shrink anything to less than 1/1032 (zlib's technical details).
+    _check_length(len(data), height * (1 + width * channels * depth // 8) / 1032)
+    profile = _profile(picture.info.get("icc_profile"))
     return PictureHeader("image/png", height, width, channels, f"uint{depth}", profile)
 
 
@@ -126,6 +126,8 @@ def _jpeg_header(data: bytes) -> PictureHeader:
         raise DecodeError(f"the JPEG holds {picture.mode} colours for print; save it as RGB")
     if data.find(_END_OF_JPEG, picture.fp.tell() if picture.fp else 0) < 0:
         raise DecodeError("the JPEG is cut off: its end mark is missing; was it copied whole?")
+    # A block of 8 × 8 pixels takes a bit at the least (ITU-T T.81, F.1.2).
+    _check_length(len(data), picture.height * picture.width / 64 / 8)
     profile = _profile(picture.info.get("icc_profile"))
     channels = _JPEG_MODES[picture.mode]
     return PictureHeader("image/jpeg", picture.height, picture.width, channels, "uint8", profile)
@@ -152,6 +154,12 @@ def _tiff_header(file: tifffile.TiffFile, size_bytes: int) -> PictureHeader:
 
 def _tiff_dtype(page: tifffile.TiffPage) -> str:
     """Type of the stored values of a kind of TIFF that holds light."""
+    if page.compression not in _COMPRESSIONS:
+        method = getattr(page.compression, "name", "an unknown method")
+        raise DecodeError(
+            f"the TIFF is compressed with {method}; save it without loss: uncompressed, LZW, "
+            "deflate, PackBits, LZMA or Zstandard"
+        )
     if page.photometric not in {1, 2}:
         kind = _PHOTOMETRIC.get(int(page.photometric), f"of photometric kind {page.photometric}")
         raise DecodeError(f"the TIFF is {kind}; save it as grey (black is zero) or RGB")
@@ -161,11 +169,6 @@ def _tiff_dtype(page: tifffile.TiffPage) -> str:
         raise DecodeError(
             f"the TIFF has {page.bitspersample} bit(s) a channel, type {kind}; "
             "save it with 8 or 16 bits, unsigned, or as floating point"
-        )
-    if page.compression not in _COMPRESSIONS:
-        raise DecodeError(
-            f"the TIFF is compressed with {page.compression!s}; save it without loss: "
-            "uncompressed, LZW, deflate, PackBits, LZMA or Zstandard"
         )
     grey = page.photometric == 1
     if page.samplesperpixel not in ({1, 2} if grey else {3, 4}) or page.imagedepth != 1:
@@ -203,6 +206,13 @@ def _check_size(height: int, width: int) -> None:
     if not 0 < height * width <= MAX_PIXELS:
         raise DecodeError(
             f"the file claims {width} × {height} pixels; 1 to {MAX_PIXELS} in all are read"
+        )
+
+
+def _check_length(size_bytes: int, least_bytes: float) -> None:
+    if size_bytes < least_bytes:
+        raise DecodeError(
+            f"the file is damaged: its {size_bytes} bytes cannot hold the pixels that it claims"
         )
 
 
