@@ -94,13 +94,13 @@ class SinglePitchErrors:
     ----------
     index
         Which row it is, counted from the finest.
-    direct, global_
+    direct_light, global_light
         `relative_error` of direct and of global light.
     """
 
     index: int
-    direct: float
-    global_: float
+    direct_light: float
+    global_light: float
 
 
 def single_pitch_errors(
@@ -134,7 +134,7 @@ def single_pitch_errors(
 
 def oracle(errors: tuple[SinglePitchErrors, ...]) -> SinglePitchErrors:
     """The pitch with the least error of direct light, which only one who knows it can choose."""
-    return min(errors, key=lambda pitch: pitch.direct)
+    return min(errors, key=lambda pitch: pitch.direct_light)
 
 
 def _usable(
