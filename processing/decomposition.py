@@ -85,7 +85,7 @@ def decompose_iva(
         pitch, the white image last. They may be mapped from files: they are read in blocks,
         twice, and never copied.
     pitch_px
-        (m,), the pitch of each row, increasing, in projector pixels; the last, white, infinite.
+        (m,), the pitch of each row, not decreasing, in projector pixels; the last, white, infinite.
     mask
         bool, (height, width), True where a pixel is usable; others estimate nothing.
     n_components
@@ -147,9 +147,9 @@ def _check(rows: Rows, pitch_px: NDArray[np.float64], n_components: int) -> None
             "one pitch is needed for each row, infinite for white; "
             f"there are {len(rows)} rows of shape {rows[0].shape}, pitch_px is {pitch_px.shape}"
         )
-    if pitch_px[0] <= 0 or np.any(np.diff(pitch_px) <= 0) or np.isfinite(pitch_px[-1]):
+    if pitch_px[0] <= 0 or np.any(np.diff(pitch_px) < 0) or np.isfinite(pitch_px[-1]):
         raise ValueError(
-            f"pitches must be positive, increase and end with infinity (white), not {pitch_px}"
+            f"pitches must be positive, not decrease and end with infinity (white), not {pitch_px}"
         )
     if not 2 <= n_components <= len(rows):
         raise ValueError(
