@@ -128,10 +128,9 @@ def _prepare(folder: Path, session_folder: Path) -> None:
 
 
 def _decompose(folder: Path, separated: SeparatedPitches, options: Options) -> Decomposition:
-    pitch_px = [float(pitch.pitch_px) for pitch in separated.pitches]
     return decompose_iva(
         [*open_rows(folder, separated.pitches), separated.white],
-        [*pitch_px, np.inf],
+        [*(float(pitch.pitch_px) for pitch in separated.pitches), np.inf],
         separated.mask == PixelClass.MEASURED,
         n_components=options.n_components,
         n_iterations=options.n_iterations,
@@ -178,7 +177,7 @@ def _record(
             pitch_px=(*(pitch.pitch_px for pitch in separated.pitches), None),
             alpha=decomposition.mixing.tolist(),
         ),
-        pca_shares=decomposition.pca_shares.tolist(),
+        pca_shares=decomposition.shares.tolist(),
         convergence=decomposition.cost.tolist(),
         mask=separated.mask_record(),
         noise=decomposition.noise,

@@ -82,7 +82,9 @@ def separate_pitches(
         separation = _separate(stack, group, black, lit, leak, frame_done)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
-            share = (separation.direct_light + separation.global_light) / len(stack.groups)
+            share = (separation.direct_light + separation.global_light) / np.float32(
+                len(stack.groups)
+            )
             whole = share if whole is None else whole + share
     if whole is None:
         raise StackError("There is no pitch to separate.")

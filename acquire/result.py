@@ -12,7 +12,6 @@ Saturated pixels are NaN in every float image, unlit ones 0.
 
 from __future__ import annotations
 
-import hashlib
 from enum import IntEnum
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -34,6 +33,7 @@ MAX_JSON_BYTES = 64 << 20
 MAX_IMAGE_BYTES = 8 << 30
 
 Scalar = TypeVar("Scalar", np.float32, np.uint8)
+Side = Annotated[int, Field(ge=1, le=65_535)]
 ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
 ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
 
@@ -47,7 +47,7 @@ class PixelClass(IntEnum):
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class PitchRecord(_Record):
@@ -59,7 +59,9 @@ class PitchRecord(_Record):
     direct: ImagePath
     global_: ImagePath = Field(alias="global", serialization_alias="global")
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True
+    )
 
 
 class MixingRecord(_Record):
@@ -102,7 +104,7 @@ class ResultRecord(_Record):
     method: str
     options: dict[str, JsonValue]
     components: tuple[ComponentName, ...]
-    shape: tuple[int, int]
+    shape: tuple[Side, Side]
     pitches: tuple[PitchRecord, ...]
     mixing: MixingRecord
     pca_shares: tuple[float, ...]
@@ -113,11 +115,6 @@ class ResultRecord(_Record):
     plan_sha256: Sha256
     session: SessionSummary
     versions: dict[str, str]
-
-    @property
-    def sha256(self) -> str:
-        """Digest of the record, hexadecimal."""
-        return hashlib.sha256(self.model_dump_json(by_alias=True).encode()).hexdigest()
 
 
 class Result:
@@ -187,9 +184,12 @@ def read_tiff(path: Path, shape: tuple[int, ...], dtype: type[Scalar]) -> NDArra
             page = file.pages[0]
             if page.shape != shape or page.dtype != dtype:
                 raise ResultError(
-                    f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype.__name__} as result.json "
-                    "says. Process the session again."
+                    f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype.__name__} as "
+                    "result.json says. Process the session again."
                 )
             return np.asarray(page.asarray(), dtype)
-    except (OSError, tifffile.TiffFileError, ValueError, IndexError) as error:
-        raise ResultError(f"Cannot read {path}: {error}. Process the session again.") from error
+    except ResultError:
+        raise
+    except Exception as error:
+        # tifffile lets out whatever its parsing trips over, from KeyError to struct.error.
+        raise ResultError(f"Cannot read {path}: {error!r}. Process the session again.") from error

@@ -14,11 +14,11 @@ from acquire.errors import StackError
 from acquire.session import FrameRecord, Session, Transfer
 from drivers.errors import DecodeError
 from drivers.image import LinearImage
+from drivers.media import PICTURE_TYPES
 from drivers.picture import decode_picture
 from drivers.raw import decode_raw
 from processing.patterns import Family
 
-PICTURE_TYPES = {"image/tiff", "image/png", "image/jpeg"}
 DECODERS = 2
 
 
@@ -99,8 +99,8 @@ class Stack:
     def _decode(self, frame: FrameRecord) -> LinearImage:
         data = self._session.read(frame)
         try:
-            if frame.media_type in PICTURE_TYPES:
-                return decode_picture(data, self._transfer.value)
+            if self._transfer is not Transfer.RAW and frame.media_type in PICTURE_TYPES:
+                return decode_picture(data, "srgb" if self._transfer is Transfer.SRGB else "linear")
             return decode_raw(data)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
@@ -128,5 +128,5 @@ def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:
             members.setdefault(key, []).append(frame)
     return tuple(
         PitchGroup(family, pitch_px, tuple(members[family, pitch_px]))
-        for family, pitch_px in sorted(members)
+        for family, pitch_px in sorted(members, key=lambda key: (key[1], key[0]))
     )

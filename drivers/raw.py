@@ -125,7 +125,7 @@ def _quads(raw: Any) -> LinearImage:
     return LinearImage(values, saturated)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _reduced(
     counts: NDArray[np.uint16],
     first: NDArray[np.int64],
