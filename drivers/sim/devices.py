@@ -20,9 +20,9 @@ from drivers.raster import check_raster
 from drivers.sim.clock import EPOCH_S, SimulatedClock
 from drivers.sim.defects import Defects
 from drivers.sim.dng import MEDIA_TYPE, encode_dng
-from drivers.sim.lamp import emission, flicker_gain
 from drivers.sim.scene import scene_named
 from drivers.sim.sensor import REFERENCE_LEVEL, check_settings, expose, exposure_gain
+from drivers.sim.stage import Stage
 from drivers.sim.transport import Light, Transport, superpixels
 
 DELIVERY_S = 0.05
@@ -87,148 +87,47 @@ class RunPosition:
     file_delivered_last: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Chance:
-    """What befalls one attempt at one exposure."""
-
-    late: bool
-    dropped: bool
-    swapped: bool
-    timed_out: bool
-    flicker_phase_rad: float
-    noise: np.random.Generator
-
-
-class _SharedLight:
-    """What the scene receives as a function of time: the joint between projector and camera."""
-
-    def __init__(
-        self,
-        transport: Transport,
-        defects: Defects,
-        seed: int,
-        frames_in_run: int,
-        clock: SimulatedClock,
-        position: RunPosition,
-    ) -> None:
-        self.transport = transport
-        self.defects = defects
-        self.clock = clock
-        self.index = position.index
-        self.attempt = 0
-        self.file_delivered_last = position.file_delivered_last
-        self._seed = seed
-        self._frames_in_run = frames_in_run
-        self._black: Raster = np.zeros(transport.projector_px, np.uint8)
-        shown = position.raster_shown_last
-        self._current: Raster = self._black if shown is None else shown.copy()
-        self._previous: Raster = self._current
-        self._arrival_s = -np.inf
-
-    def command(self, raster: Raster | None) -> None:
-        """The projector is told, now, to show a raster; None is black."""
-        self._previous = self._current
-        self._current = self._black if raster is None else raster.copy()
-        self._arrival_s = self.clock.now() + self.defects.latency_s
-
-    def delivered(self, data: bytes) -> None:
-        """An exposure is over: whatever was still on its way has arrived."""
-        self.index += 1
-        self.attempt = 0
-        self.file_delivered_last = data
-        self._previous = self._current
-        self._arrival_s = -np.inf
-
-    def chance(self) -> _Chance:
-        """What befalls the exposure that begins now."""
-        sequence = np.random.SeedSequence((self._seed, self.index, self.attempt))
-        fate_seed, noise_seed = sequence.spawn(2)
-        late, dropped, swapped, timed_out, turn = np.random.default_rng(fate_seed).random(5)
-        defects = self.defects
-        return _Chance(
-            late=late < defects.late,
-            dropped=dropped < defects.dropped,
-            swapped=swapped < defects.swapped,
-            timed_out=timed_out < defects.timeouts,
-            flicker_phase_rad=2 * np.pi * turn,
-            noise=np.random.default_rng(noise_seed),
-        )
-
-    def signal(self, settings: CameraSettings, chance: _Chance) -> NDArray[np.float64]:
-        """Expected light of an exposure that begins now, fraction of the sensor's range."""
-        defects = self.defects
-        run = self.index / max(self._frames_in_run - 1, 1)
-        lamp = (1 + defects.drift * run) * flicker_gain(
-            defects.flicker, chance.flicker_phase_rad, settings.exposure_s
-        )
-        light = self.transport.photosites(self._emitted(settings.exposure_s, chance))
-        moved = shifted(light, defects.move_px * run)
-        return exposure_gain(settings) * (lamp * moved + defects.ambient)
-
-    def emitted(self, raster: Raster) -> NDArray[np.float64]:
-        """Light of the projector's pixels under a raster, fraction of white."""
-        blur_px = self.defects.blur_px * self.transport.projector_px_per_camera_px
-        return emission(raster, self.defects.gamma, self.defects.black_level, blur_px)
-
-    def _emitted(self, exposure_s: float, chance: _Chance) -> NDArray[np.float64]:
-        if chance.dropped:
-            return self.emitted(self._black)
-        if chance.late:
-            return self.emitted(self._previous)
-        old = float(np.clip((self._arrival_s - self.clock.now()) / exposure_s, 0, 1))
-        light = self.emitted(self._current)
-        if old == 0:
-            return light
-        before = self.emitted(self._previous)
-        if light.ndim != before.ndim:
-            light, before = (
-                frame if frame.ndim == 3 else np.repeat(frame[..., np.newaxis], 3, axis=2)
-                for frame in (light, before)
-            )
-        return old * before + (1 - old) * light
-
-
 class SimulatedProjector:
     """A projector on the simulated bench (see `drivers.protocols.Projector`).
 
     Parameters
     ----------
-    light
+    stage
         What it shares with the camera.
     settle_s
         Time that `show` takes.
     """
 
-    def __init__(self, light: _SharedLight, settle_s: float) -> None:
-        self._light = light
+    def __init__(self, stage: Stage, settle_s: float) -> None:
+        self._stage = stage
         self._settle_s = settle_s
         self._open = True
 
     @property
     def resolution(self) -> tuple[int, int]:
         """(height, width) in projector pixels."""
-        return self._light.transport.projector_px
+        return self._stage.transport.projector_px
 
     def show(self, raster: Raster) -> None:
         """Show a raster and let it settle."""
         check_raster(raster, self.resolution)
         if not self._open:
             raise ProjectorError("the projector is closed; open the bench again")
-        self._light.command(raster)
-        self._light.clock.sleep(self._settle_s)
+        self._stage.command(raster)
+        self._stage.clock.sleep(self._settle_s)
 
     def close(self) -> None:
         """Go black."""
         if self._open:
-            self._light.command(None)
+            self._stage.command(None)
         self._open = False
 
 
 class SimulatedCamera:
     """A camera on the simulated bench (see `drivers.protocols.Camera`)."""
 
-    def __init__(self, light: _SharedLight) -> None:
-        self._light = light
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
         self._open = True
 
     def capture(self, settings: CameraSettings) -> RawFrame:
@@ -236,28 +135,28 @@ class SimulatedCamera:
         if not self._open:
             raise CameraError("the camera is closed; open the bench again")
         check_settings(settings)
-        light = self._light
-        started_s = light.clock.now()
-        chance = light.chance()
+        stage = self._stage
+        started_s = stage.clock.now()
+        chance = stage.chance()
         if chance.timed_out:
-            light.attempt += 1
-            light.clock.sleep(settings.exposure_s + TIMEOUT_S)
+            stage.attempt += 1
+            stage.clock.sleep(settings.exposure_s + TIMEOUT_S)
             raise CameraTimeoutError(
-                f"no file {TIMEOUT_S:g} s after exposure {light.index}; try it again"
+                f"no file {TIMEOUT_S:g} s after exposure {stage.index}; try it again"
             )
-        if chance.swapped and light.file_delivered_last is not None:
-            data = light.file_delivered_last
+        if chance.swapped and stage.file_delivered_last is not None:
+            data = stage.file_delivered_last
         else:
-            defects = light.defects
-            signal = light.signal(settings, chance)
+            defects = stage.defects
+            signal = stage.signal(settings, chance)
             counts = expose(
                 signal, settings.iso, defects.full_well_e, defects.read_noise_e, chance.noise
             )
             data = encode_dng(counts, settings)
-        light.clock.sleep(settings.exposure_s)
-        light.clock.sleep(DELIVERY_S)
-        light.delivered(data)
-        return RawFrame(data, MEDIA_TYPE, settings, started_s, light.clock.now())
+        stage.clock.sleep(settings.exposure_s)
+        stage.clock.sleep(DELIVERY_S)
+        stage.delivered(data)
+        return RawFrame(data, MEDIA_TYPE, settings, started_s, stage.clock.now())
 
     def close(self) -> None:
         """Let the sensor go."""
@@ -271,7 +170,7 @@ class SimulatedBench:
     projector: SimulatedProjector
     camera: SimulatedCamera
     clock: SimulatedClock
-    light: _SharedLight
+    stage: Stage
 
     def truth(self, settings: CameraSettings | None = None) -> Mapping[str, NDArray[np.float64]]:
         """Parts of the light of white minus black, noise-free, without ambient, drift and motion.
@@ -286,23 +185,23 @@ class SimulatedBench:
         ``direct``, ``subsurface`` and ``interreflection``, (height, width, 3) each, linear, as a
         fraction of the sensor's range: in the units of a decoded frame.
         """
-        black = self.light.emitted(np.zeros(self.projector.resolution, np.uint8))
-        white = self.light.emitted(np.full(self.projector.resolution, 255, np.uint8))
-        return self._scaled(self.light.transport.parts(white - black), settings)
+        black = self.stage.emitted(np.zeros(self.projector.resolution, np.uint8))
+        white = self.stage.emitted(np.full(self.projector.resolution, 255, np.uint8))
+        return self._scaled(self.stage.transport.parts(white - black), settings)
 
     def components(
         self, raster: Raster, settings: CameraSettings | None = None
     ) -> Mapping[str, NDArray[np.float64]]:
         """The same parts for any raster, the projector's black level included."""
         check_raster(raster, self.projector.resolution)
-        return self._scaled(self.light.transport.parts(self.light.emitted(raster)), settings)
+        return self._scaled(self.stage.transport.parts(self.stage.emitted(raster)), settings)
 
     def projector_coordinates(self) -> NDArray[np.float64]:
         """(height, width, 2): the (row, column) of the projector that each camera pixel sees.
 
         Pixel centres are whole numbers; NaN where the camera pixel's centre sees no surface.
         """
-        return self.light.transport.coordinates
+        return self.stage.transport.coordinates
 
     @staticmethod
     def _scaled(parts: Light, settings: CameraSettings | None) -> Mapping[str, NDArray[np.float64]]:
@@ -341,25 +240,14 @@ def build(
         raise ValueError("where files are swapped, going on needs the file that was delivered last")
     transport = Transport.of(scene_named(config.scene), config.camera_px, config.projector_px)
     clock = SimulatedClock(position.time_s)
-    light = _SharedLight(transport, config.defects, config.seed, frames_in_run, clock, position)
-    return SimulatedBench(SimulatedProjector(light, settle_s), SimulatedCamera(light), clock, light)
-
-
-def shifted(mosaic: NDArray[np.float64], shift_px: float) -> NDArray[np.float64]:
-    """A Bayer mosaic whose picture is moved to the right, each colour on its own grid.
-
-    Parameters
-    ----------
-    mosaic
-        (2·height, 2·width) photosites.
-    shift_px
-        In camera pixels (quads); what enters at the edge repeats the edge.
-    """
-    if shift_px == 0:
-        return mosaic
-    height, width = mosaic.shape
-    from_px = np.clip(np.arange(width // 2) - shift_px, 0, width // 2 - 1)
-    left = np.minimum(from_px.astype(np.int64), max(width // 2 - 2, 0))
-    part = (from_px - left)[:, np.newaxis]
-    quads = mosaic.reshape(height, width // 2, 2)
-    return ((1 - part) * quads[:, left] + part * quads[:, left + 1]).reshape(height, width)
+    stage = Stage(
+        transport,
+        config.defects,
+        config.seed,
+        frames_in_run,
+        clock,
+        position.index,
+        position.raster_shown_last,
+        position.file_delivered_last,
+    )
+    return SimulatedBench(SimulatedProjector(stage, settle_s), SimulatedCamera(stage), clock, stage)

@@ -18,7 +18,7 @@ Array: TypeAlias = NDArray[np.float64]
 _SITE_SAMPLES = 4
 _PIXEL_SAMPLES = 3
 _TEXEL_SAMPLES = 4
-_CHUNK_RAYS = 1_000_000
+_CHUNK_RAYS = 250_000
 
 
 @dataclass(frozen=True, slots=True)

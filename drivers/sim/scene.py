@@ -118,14 +118,26 @@ def printed(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float6
 
 def _corner() -> Scene:
     """A white floor with a tile of wax between a red and a green wall."""
+    side_m = 1.1
     wax = Tile((3, 8), (3, 8), (0.17, 0.15, 0.12), (0.68, 0.55, 0.36), (0.020, 0.013, 0.008))
     return Scene(
         surfaces=(
             Surface(
-                Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), (12, 12), plain(0.85, 0.84, 0.8), wax
+                Rectangle((0, 0, 0), (side_m, 0, 0), (0, side_m, 0)),
+                (12, 12),
+                plain(0.85, 0.84, 0.8),
+                wax,
             ),
-            Surface(Rectangle((0, 0, 0), (0, 0, 1), (1, 0, 0)), (12, 12), plain(0.8, 0.13, 0.1)),
-            Surface(Rectangle((0, 0, 0), (0, 1, 0), (0, 0, 1)), (12, 12), plain(0.12, 0.55, 0.2)),
+            Surface(
+                Rectangle((0, 0, 0), (0, 0, side_m), (side_m, 0, 0)),
+                (12, 12),
+                plain(0.8, 0.13, 0.1),
+            ),
+            Surface(
+                Rectangle((0, 0, 0), (0, side_m, 0), (0, 0, side_m)),
+                (12, 12),
+                plain(0.12, 0.55, 0.2),
+            ),
         ),
         camera_m=(1.45, 1.45, 1.6),
         projector_m=(1.38, 1.52, 1.66),

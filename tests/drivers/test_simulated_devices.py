@@ -99,10 +99,10 @@ def test_ambient_light_is_there_without_the_projector() -> None:
 
 def test_blur_has_the_stated_width() -> None:
     on = bench(blur_px=1.0)
-    scale = on.light.transport.projector_px_per_camera_px
+    scale = on.stage.transport.projector_px_per_camera_px
     edge = np.zeros(PROJECTOR_PX, np.uint8)
     edge[:, 48:] = 255
-    profile = on.light.emitted(edge)[36]
+    profile = on.stage.emitted(edge)[36]
     spread = np.diff(profile[24:72])
     place = np.arange(len(spread))
     centre = (spread * place).sum() / spread.sum()

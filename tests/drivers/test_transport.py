@@ -57,7 +57,7 @@ def test_red_light_reaches_red_photosites_only(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_camera_pixel_sees_a_surface_that_the_projector_lights(name: str) -> None:
-    scene = transport(name)
+    scene = Transport.of(SCENES[name], (96, 96), PROJECTOR_PX)
     row, column = scene.coordinates[..., 0], scene.coordinates[..., 1]
     assert ((row > 0) & (row < PROJECTOR_PX[0] - 1)).all()
     assert ((column > 0) & (column < PROJECTOR_PX[1] - 1)).all()

@@ -1,0 +1,153 @@
+"""What the scene of a simulated bench receives as a function of time, and what befalls a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.protocols import CameraSettings, Raster
+from drivers.sim.clock import SimulatedClock
+from drivers.sim.defects import Defects
+from drivers.sim.lamp import emission, flicker_gain
+from drivers.sim.sensor import exposure_gain
+from drivers.sim.transport import Transport
+
+
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """What befalls one attempt at one exposure."""
+
+    late: bool
+    dropped: bool
+    swapped: bool
+    timed_out: bool
+    flicker_phase_rad: float
+    noise: np.random.Generator
+
+
+class Stage:
+    """The joint between projector and camera: the scene, its light, the run's defects.
+
+    Parameters
+    ----------
+    transport, defects, clock
+        The scene, what is wrong, and the time.
+    seed
+        Of all randomness, ≥ 0.
+    frames_in_run
+        Number of exposures over which drift and motion spread.
+    index
+        Number of frames delivered before.
+    shown
+        The raster on the scene; None for black.
+    file_delivered_last
+        The last frame's bytes, if there is one.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        defects: Defects,
+        seed: int,
+        frames_in_run: int,
+        clock: SimulatedClock,
+        index: int,
+        shown: Raster | None,
+        file_delivered_last: bytes | None,
+    ) -> None:
+        self.transport = transport
+        self.defects = defects
+        self.clock = clock
+        self.index = index
+        self.attempt = 0
+        self.file_delivered_last = file_delivered_last
+        self._seed = seed
+        self._frames_in_run = frames_in_run
+        self._black: Raster = np.zeros(transport.projector_px, np.uint8)
+        self._current: Raster = self._black if shown is None else shown.copy()
+        self._previous: Raster = self._current
+        self._arrival_s = -np.inf
+
+    def command(self, raster: Raster | None) -> None:
+        """The projector is told, now, to show a raster; None is black."""
+        self._previous = self._current
+        self._current = self._black if raster is None else raster.copy()
+        self._arrival_s = self.clock.now() + self.defects.latency_s
+
+    def delivered(self, data: bytes) -> None:
+        """An exposure is over: whatever was still on its way has arrived."""
+        self.index += 1
+        self.attempt = 0
+        self.file_delivered_last = data
+        self._previous = self._current
+        self._arrival_s = -np.inf
+
+    def chance(self) -> Chance:
+        """What befalls the exposure that begins now."""
+        sequence = np.random.SeedSequence((self._seed, self.index, self.attempt))
+        fate_seed, noise_seed = sequence.spawn(2)
+        late, dropped, swapped, timed_out, turn = np.random.default_rng(fate_seed).random(5)
+        defects = self.defects
+        return Chance(
+            late=late < defects.late,
+            dropped=dropped < defects.dropped,
+            swapped=swapped < defects.swapped,
+            timed_out=timed_out < defects.timeouts,
+            flicker_phase_rad=2 * np.pi * turn,
+            noise=np.random.default_rng(noise_seed),
+        )
+
+    def signal(self, settings: CameraSettings, chance: Chance) -> NDArray[np.float64]:
+        """Expected light of an exposure that begins now, fraction of the sensor's range."""
+        defects = self.defects
+        run = self.index / max(self._frames_in_run - 1, 1)
+        lamp = (1 + defects.drift * run) * flicker_gain(
+            defects.flicker, chance.flicker_phase_rad, settings.exposure_s
+        )
+        light = self.transport.photosites(self._emitted(settings.exposure_s, chance))
+        moved = shifted(light, defects.move_px * run)
+        return exposure_gain(settings) * (lamp * moved + defects.ambient)
+
+    def emitted(self, raster: Raster) -> NDArray[np.float64]:
+        """Light of the projector's pixels under a raster, fraction of white."""
+        blur_px = self.defects.blur_px * self.transport.projector_px_per_camera_px
+        return emission(raster, self.defects.gamma, self.defects.black_level, blur_px)
+
+    def _emitted(self, exposure_s: float, chance: Chance) -> NDArray[np.float64]:
+        if chance.dropped:
+            return self.emitted(self._black)
+        if chance.late:
+            return self.emitted(self._previous)
+        old = float(np.clip((self._arrival_s - self.clock.now()) / exposure_s, 0, 1))
+        light = self.emitted(self._current)
+        if old == 0:
+            return light
+        before = self.emitted(self._previous)
+        if light.ndim != before.ndim:
+            light, before = (
+                frame if frame.ndim == 3 else np.repeat(frame[..., np.newaxis], 3, axis=2)
+                for frame in (light, before)
+            )
+        return old * before + (1 - old) * light
+
+
+def shifted(mosaic: NDArray[np.float64], shift_px: float) -> NDArray[np.float64]:
+    """A Bayer mosaic whose picture is moved to the right, each colour on its own grid.
+
+    Parameters
+    ----------
+    mosaic
+        (2·height, 2·width) photosites.
+    shift_px
+        In camera pixels (quads); what enters at the edge repeats the edge.
+    """
+    if shift_px == 0:
+        return mosaic
+    height, width = mosaic.shape
+    from_px = np.clip(np.arange(width // 2) - shift_px, 0, width // 2 - 1)
+    left = np.minimum(from_px.astype(np.int64), max(width // 2 - 2, 0))
+    part = (from_px - left)[:, np.newaxis]
+    quads = mosaic.reshape(height, width // 2, 2)
+    return ((1 - part) * quads[:, left] + part * quads[:, left + 1]).reshape(height, width)
