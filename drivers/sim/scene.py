@@ -119,7 +119,7 @@ def printed(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float6
 def _corner() -> Scene:
     """A white floor with a tile of wax between a red and a green wall."""
     side_m = 1.1
-    wax = Tile((3, 8), (3, 8), (0.17, 0.15, 0.12), (0.68, 0.55, 0.36), (0.020, 0.013, 0.008))
+    wax = Tile((2, 7), (2, 7), (0.17, 0.15, 0.12), (0.68, 0.55, 0.36), (0.020, 0.013, 0.008))
     return Scene(
         surfaces=(
             Surface(
