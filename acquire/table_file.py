@@ -69,7 +69,8 @@ def refuse(path: Path, problems: Iterable[str]) -> None:
 def _content(path: Path) -> bytes:
     try:
         if not path.is_file():
-            raise StackError(f"Cannot read the table {path}: there is no such file.")
+            why = "it is not a plain file" if path.exists() else "there is no such file"
+            raise StackError(f"Cannot read the table {path}: {why}.")
         size_bytes = path.stat().st_size
         if size_bytes > MAX_TABLE_BYTES:
             raise StackError(

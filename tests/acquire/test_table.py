@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms
 
 from acquire.errors import LumisplitError, SessionError, StackError
-from acquire.import_notes import unswitched_share
 from acquire.session import Session, Transfer
 from acquire.session.verification import problems
 from acquire.stack import Stack
 from acquire.table import import_table
 from drivers.protocols import CameraSettings
 from drivers.sim.dng import encode_dng
-from processing.patterns import Family, Pattern, shift_grid, toggled
 
 Change: TypeAlias = Callable[[Path], object]
 
@@ -197,6 +195,11 @@ def remove(table: Path) -> None:
     table.unlink()
 
 
+def replace_by_folder(table: Path) -> None:
+    table.unlink()
+    table.mkdir()
+
+
 def lose_two(table: Path) -> None:
     (table.parent / "0.png").unlink()
     (table.parent / "k.png").unlink()
@@ -230,6 +233,7 @@ def no_pictures(table: Path) -> None:
 SMALLER = png(PIXELS[:2])
 WRONG: dict[str, tuple[Change, tuple[str, ...]]] = {
     "no table": (remove, ("table.csv", "no such file")),
+    "table is a folder": (replace_by_folder, ("table.csv", "not a plain file")),
     "empty table": (content(b""), ("line 1", "lacks file, role, pattern")),
     "not UTF-8": (content(b"\xff\xfe" + HEADER.encode("utf-16-le")), ("UTF-8",)),
     "unfinished quote": (content(f'{HEADER}\n"w.png,white'.encode()), ("not valid CSV",)),
@@ -434,26 +438,3 @@ def test_a_color_profile_that_was_not_applied_is_noted(
     data = tiff(PIXELS * depth, iccprofile=icc)
     session = imported(write_stack(tmp_path / "stack", data), tmp_path / "out")
     assert ("colour profile" in notes_of(session)) is noted
-
-
-GRIDS = {
-    "default checker": (Family.CHECKER, 12, shift_grid(12, (6, 6))),
-    "one pitch both ways": (Family.CHECKER, 8, shift_grid(8, (6, 6), (1, 1))),
-    "few checkers": (Family.CHECKER, 6, ((0, 0), (1, 0), (2, 5))),
-    "complementary stripes": (Family.STRIPES_COLUMNS, 9, ((0, 0), (0, 9))),
-    "near stripes": (Family.STRIPES_ROWS, 5, ((0, 0), (2, 0))),
-    "one stripe": (Family.STRIPES_ROWS, 1, ((3, 0),)),
-}
-
-
-@pytest.mark.parametrize(("family", "pitch_px", "shifts"), GRIDS.values(), ids=GRIDS)
-def test_pixels_that_never_switch_are_counted_as_if_drawn(
-    family: Family, pitch_px: int, shifts: tuple[tuple[int, int], ...]
-) -> None:
-    patterns = tuple(Pattern(family, pitch_px, *shift) for shift in shifts)
-    assert unswitched_share(patterns) == pytest.approx(1 - toggled(patterns).mean(), abs=1e-12)
-
-
-def test_a_huge_pitch_is_counted_without_drawing_it() -> None:
-    patterns = [Pattern(Family.CHECKER, 100_000, 0, right) for right in (0, 25_000)]
-    assert unswitched_share(patterns) == 0.75
