@@ -13,7 +13,7 @@ from acquire.validation import explain
 
 MAX_BENCH_BYTES = 1_000_000
 Probability = Annotated[float, Field(ge=0, le=1)]
-Pixels = Annotated[int, Field(ge=8, le=8192)]
+Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
 class SimSection(BaseModel):

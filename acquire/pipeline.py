@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from acquire.cautions import cautions
 from acquire.errors import ResultError, StackError
 from acquire.pitches import (
     SeparatedPitches,
@@ -87,6 +88,7 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
             "frame. Check the exposure and that the projector lit the scene."
         )
     observer.stage("decomposing", 1)
+    _check_components(len(separated.resolved), options, "resolved ")
     decomposition = _decompose(folder, separated, options)
     observer.advance()
     record = _write(session, folder, separated, decomposition, options)
@@ -94,12 +96,16 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
 
 
 def _check(stack: Stack, options: Options) -> None:
-    rows = len(stack.groups) + 1
     if options.method not in METHODS:
         raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
+    _check_components(len(stack.groups), options, "")
+
+
+def _check_components(n_pitches: int, options: Options, resolved: str) -> None:
+    rows = n_pitches + 1
     if not 2 <= options.n_components <= rows:
         raise ResultError(
-            f"--components {options.n_components}: {len(stack.groups)} pitch(es) and white light "
+            f"--components {options.n_components}: {n_pitches} {resolved}pitch(es) and white light "
             f"give {rows} observations of a pixel, so 2 to {rows} components can be told apart."
         )
 
@@ -129,8 +135,8 @@ def _prepare(folder: Path, session_folder: Path) -> None:
 
 def _decompose(folder: Path, separated: SeparatedPitches, options: Options) -> Decomposition:
     return decompose_iva(
-        [*open_rows(folder, separated.pitches), separated.white],
-        [*(float(pitch.pitch_px) for pitch in separated.pitches), np.inf],
+        [*open_rows(folder, separated.resolved), separated.white],
+        [*(float(pitch.pitch_px) for pitch in separated.resolved), np.inf],
         separated.mask == PixelClass.MEASURED,
         n_components=options.n_components,
         n_iterations=options.n_iterations,
@@ -165,7 +171,6 @@ def _record(
     decomposition: Decomposition,
     options: Options,
 ) -> ResultRecord:
-    notes = session.record.source.notes if session.record.source else ()
     return ResultRecord(
         method=options.method,
         options=asdict(options) | {"smoothing_px_used": decomposition.smoothing_px},
@@ -173,15 +178,15 @@ def _record(
         shape=separated.mask.shape,
         pitches=separated.pitches,
         mixing=MixingRecord(
-            families=(*(pitch.family for pitch in separated.pitches), Family.WHITE),
-            pitch_px=(*(pitch.pitch_px for pitch in separated.pitches), None),
+            families=(*(pitch.family for pitch in separated.resolved), Family.WHITE),
+            pitch_px=(*(pitch.pitch_px for pitch in separated.resolved), None),
             alpha=decomposition.mixing.tolist(),
         ),
         pca_shares=decomposition.shares.tolist(),
         convergence=decomposition.cost.tolist(),
         mask=separated.mask_record(),
         noise=decomposition.noise,
-        warnings=(*_incomplete(session), *notes, *separated.warnings, *decomposition.warnings),
+        warnings=(*cautions(session, separated), *decomposition.warnings),
         plan_sha256=session.plan.sha256,
         session=SessionSummary(
             plan_sha256=session.plan.sha256,
@@ -194,13 +199,4 @@ def _record(
             versions=session.record.versions,
         ),
         versions=versions(),
-    )
-
-
-def _incomplete(session: Session) -> tuple[str, ...]:
-    if session.complete:
-        return ()
-    return (
-        f"The session is incomplete: {len(session.frames)} of {len(session.plan)} frames. "
-        "`lumisplit capture` goes on where it stopped.",
     )

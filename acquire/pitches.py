@@ -14,12 +14,12 @@ from acquire.errors import StackError
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Reference, Stack
-from processing.patterns import Family
+from processing.patterns import Family, balanced
 from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
+from processing.soundness import additivity_error, direct_peak, resolved_pitches
 
 UNLIT_FRACTION = 0.01
 BRIGHT_PERCENTILE = 99.5
-WARNED_SPREAD = 0.01
 Image = NDArray[np.float32]
 
 
@@ -35,14 +35,20 @@ class SeparatedPitches:
         float32, (height, width, 3): white less black light.
     mask
         uint8, (height, width), `PixelClass`.
-    warnings
-        What a person must know about the frames.
+    white_reference, black_reference
+        The uniform frames, where they were captured.
     """
 
     pitches: tuple[PitchRecord, ...]
     white: Image
     mask: NDArray[np.uint8]
-    warnings: tuple[str, ...]
+    white_reference: Reference | None
+    black_reference: Reference | None
+
+    @property
+    def resolved(self) -> tuple[PitchRecord, ...]:
+        """The pitches that camera and projector resolve."""
+        return tuple(pitch for pitch in self.pitches if pitch.resolved)
 
     def mask_record(self) -> MaskRecord:
         """The mask, counted."""
@@ -72,36 +78,35 @@ def separate_pitches(
     """
     black = stack.reference(Family.BLACK, frame_done)
     white = stack.reference(Family.WHITE, frame_done)
-    lit = _lit(white, black)
+    dark = None if black is None else black.image
+    lit = None if white is None else white.image - (0 if dark is None else dark)
     with storage(folder):
         (folder / "pitches").mkdir(exist_ok=True)
     names = _names(stack.groups)
     pitches: list[PitchRecord] = []
     whole = lit
     for group, name in zip(stack.groups, names, strict=True):
-        separation = _separate(stack, group, black, lit, leak, frame_done)
+        mean, separation = _separate(stack, group, dark, lit, leak, frame_done)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
-            share = (separation.direct_light + separation.global_light) / np.float32(
-                len(stack.groups)
-            )
+            share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))
             whole = share if whole is None else whole + share
+        else:
+            pitches[-1] = _judged(pitches[-1], group, mean, separation, lit, _mask(stack, lit))
     if whole is None:
         raise StackError("There is no pitch to separate.")
-    return SeparatedPitches(
-        tuple(pitches), whole, _mask(stack, whole), tuple(_warnings(stack, white, black))
-    )
+    return SeparatedPitches(_resolved(pitches), whole, _mask(stack, whole), white, black)
+
+
+def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
+    """The direct images as they lie on the disk, one (height, width, 3) map a pitch."""
+    return [tifffile.memmap(folder / pitch.direct, mode="r") for pitch in pitches]
 
 
 def blank_unusable(image: Image, mask: NDArray[np.uint8]) -> None:
     """Make saturated pixels NaN and unlit ones 0, in place."""
     image[mask == PixelClass.SATURATED] = np.nan
     image[mask == PixelClass.UNLIT] = 0
-
-
-def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
-    """The direct images as they lie on the disk, one (height, width, 3) map a pitch."""
-    return [tifffile.memmap(folder / pitch.direct, mode="r") for pitch in pitches]
 
 
 def blank_files(folder: Path, separated: SeparatedPitches) -> None:
@@ -114,24 +119,21 @@ def blank_files(folder: Path, separated: SeparatedPitches) -> None:
                 image.flush()
 
 
-def _lit(white: Reference | None, black: Reference | None) -> Image | None:
-    if white is None:
-        return None
-    return white.image if black is None else white.image - black.image
-
-
 def _separate(
     stack: Stack,
     group: PitchGroup,
-    black: Reference | None,
+    dark: Image | None,
     lit: Image | None,
     leak: float,
     frame_done: Callable[[], None],
-) -> Separation:
+) -> tuple[Image, Separation]:
+    """Mean frame and separation of a pitch."""
     extrema: ExtremaSeparation | None = None
     sinusoid: SinusoidSeparation | None = None
+    total: Image | None = None
     for frame, image in stack.images(group.frames):
-        values = image.values if black is None else image.values - black.image
+        values = image.values if dark is None else image.values - dark
+        total = values.copy() if total is None else np.add(total, values, out=total)
         if group.family.is_binary:
             extrema = extrema or ExtremaSeparation(values.shape)
             extrema.add(values)
@@ -140,14 +142,24 @@ def _separate(
             sinusoid.add(values, frame.pattern.phase)
         frame_done()
     estimator = extrema or sinusoid
-    if estimator is None:
+    if estimator is None or total is None:
         raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
+    # A balanced set holds the complement of each pattern: white could add nothing but its noise
+    # and any change of lamp or gain since.
+    complement = lit if group.family.is_binary and not _balanced(group) else None
     try:
-        return estimator.separate(white=lit, leak=leak)
+        separation = estimator.separate(white=complement, leak=leak)
     except ValueError as error:
         raise StackError(
             f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}."
         ) from error
+    if lit is not None and not leak:
+        separation = Separation(separation.direct_light, lit - separation.direct_light)
+    return total / np.float32(len(group.frames)), separation
+
+
+def _balanced(group: PitchGroup) -> bool:
+    return balanced([frame.pattern for frame in group.frames])
 
 
 def _names(groups: tuple[PitchGroup, ...]) -> list[str]:
@@ -172,6 +184,30 @@ def _write(folder: Path, group: PitchGroup, name: str, separation: Separation) -
     )
 
 
+def _judged(
+    pitch: PitchRecord,
+    group: PitchGroup,
+    mean: Image,
+    separation: Separation,
+    lit: Image,
+    mask: NDArray[np.uint8],
+) -> PitchRecord:
+    usable = mask == PixelClass.MEASURED
+    if not usable.any():
+        return pitch
+    additivity = additivity_error(mean, lit, usable) if _balanced(group) else None
+    peak = direct_peak(separation.direct_light, lit, usable)
+    return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
+
+
+def _resolved(pitches: list[PitchRecord]) -> tuple[PitchRecord, ...]:
+    peaks = [np.nan if pitch.direct_peak is None else pitch.direct_peak for pitch in pitches]
+    return tuple(
+        pitch.model_copy(update={"resolved": resolved})
+        for pitch, resolved in zip(pitches, resolved_pitches(peaks), strict=True)
+    )
+
+
 def _mask(stack: Stack, whole: Image) -> NDArray[np.uint8]:
     """Unlit: in no colour as bright as 1 % of the scene's bright parts."""
     mask = np.full(whole.shape[:2], PixelClass.MEASURED, np.uint8)
@@ -182,30 +218,3 @@ def _mask(stack: Stack, whole: Image) -> NDArray[np.uint8]:
     if stack.saturated is not None:
         mask[stack.saturated] = PixelClass.SATURATED
     return mask
-
-
-def _warnings(stack: Stack, white: Reference | None, black: Reference | None) -> list[str]:
-    warnings = []
-    if white is None:
-        warnings.append(
-            "No white frame: the sum of the extrema at each pitch stands in for it, and no frame "
-            "could be checked against its complement."
-        )
-    elif white.spread > WARNED_SPREAD:
-        warnings.append(
-            f"The white frames differ by up to ±{white.spread:.1%} in level: lamp, camera or room "
-            "light changed during the capture. Direct light carries errors of that size."
-        )
-    if black is None:
-        warnings.append(
-            "No black frame: light of the room and of the projector's dark pixels was not "
-            "subtracted and counts as global light."
-        )
-    pairs = [group for group in stack.groups if group.family.is_binary and len(group.frames) == 2]
-    if pairs:
-        warnings.append(
-            f"{len(pairs)} of {len(stack.groups)} pitches were captured in two positions only: "
-            "pixels on the edge of a stripe or check are half lit in both, and their direct "
-            "light reads too low."
-        )
-    return warnings

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from acquire.errors import PlanError
 from acquire.plan import MAX_STEPS, CameraPlan, Plan, ProjectorPlan
 from acquire.validation import explain
-from processing.patterns import Family, Pattern, shift_grid, toggled
+from processing.patterns import Family, Pattern, shift_grid, untoggled_fraction
 
 WHITE = Pattern(Family.WHITE)
 BLACK = Pattern(Family.BLACK)
@@ -153,7 +153,7 @@ def _group(pattern: Pattern) -> tuple[str, int]:
 
 
 def _check_toggles(patterns: tuple[Pattern, ...]) -> None:
-    never = 1 - toggled(patterns).mean()
+    never = untoggled_fraction(patterns)
     if never > 0:
         first = patterns[0]
         raise PlanError(

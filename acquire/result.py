@@ -51,13 +51,21 @@ class _Record(BaseModel):
 
 
 class PitchRecord(_Record):
-    """The separation at one pitch of one family of patterns."""
+    """The separation at one pitch of one family of patterns.
+
+    `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
+    white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
+    take no part in the decomposition.
+    """
 
     family: Family
     pitch_px: int
     shifts: int
     direct: ImagePath
     global_: ImagePath = Field(alias="global", serialization_alias="global")
+    additivity_error: float | None = None
+    direct_peak: float | None = None
+    resolved: bool = True
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True

@@ -12,6 +12,7 @@ Row 0 is the top of what is projected, x counts columns from the left.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
@@ -186,17 +187,63 @@ def shift_grid(
     )
 
 
-def toggled(patterns: tuple[Pattern, ...]) -> NDArray[np.bool_]:
-    """Whether each place of one period is both lit and dark somewhere among binary patterns.
+def untoggled_fraction(patterns: Sequence[Pattern]) -> float:
+    """Fraction of projector pixels that are never lit or never dark among binary patterns.
+
+    Parameters
+    ----------
+    patterns
+        Of one binary family and pitch, at least one. Whole periods are counted, so that the
+        answer holds for any resolution.
+    """
+    lit, weights = _forms(patterns)
+    stuck = lit.all(axis=0) | ~lit.any(axis=0)
+    return float(weights[stuck].sum())
+
+
+def balanced(patterns: Sequence[Pattern]) -> bool:
+    """Whether every projector pixel is lit half of the time, so that the mean frame is grey.
+
+    Holds for shift sets that contain the complement of each pattern, and for sinusoids whose
+    shifts divide the period evenly.
+
+    Parameters
+    ----------
+    patterns
+        Of one family and pitch, at least one.
+    """
+    if patterns[0].family.is_binary:
+        lit, _ = _forms(patterns)
+        return bool(np.all(2 * lit.sum(axis=0) == len(patterns)))
+    phases = np.array([pattern.phase for pattern in patterns])
+    return bool(abs(np.exp(1j * phases).mean()) < 1e-9)
+
+
+def _forms(patterns: Sequence[Pattern]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """The different histories that a projector pixel can have, and how frequent each is.
+
+    Pixels of one row have the same parity history down and those of one column to the right, so
+    the period's (2·pitch)² pixels need not be visited one by one.
 
     Returns
     -------
-    (2·pitch, 2·pitch) booleans for patterns of one family and pitch; all true when every
-    projector pixel toggles, whatever the resolution.
+    Lit, (patterns, rows, columns), and the frequency of each form, (rows, columns), sum 1.
     """
     if not patterns:
         raise ValueError("no patterns to compare")
-    period = 2 * patterns[0].pitch_px
-    codes = np.stack([pattern.code((period, period)) for pattern in patterns])
-    both: NDArray[np.bool_] = (codes.max(axis=0) > 0.5) & (codes.min(axis=0) < 0.5)
-    return both
+    odd_down, share_down = _parities(patterns, down=True)
+    odd_right, share_right = _parities(patterns, down=False)
+    lit = odd_down[:, :, np.newaxis] == odd_right[:, np.newaxis, :]
+    return lit, share_down[:, np.newaxis] * share_right
+
+
+def _parities(
+    patterns: Sequence[Pattern], *, down: bool
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    first = patterns[0]
+    varies = first.family.varies_down if down else first.family.varies_right
+    place = np.arange(2 * first.pitch_px if varies else 1)
+    shifts = np.array([p.shift_y_px if down else p.shift_x_px for p in patterns])
+    odd = (place + shifts[:, np.newaxis]) // first.pitch_px % 2 == 1
+    forms, counts = np.unique(odd, axis=1, return_counts=True)
+    return forms, counts / counts.sum()

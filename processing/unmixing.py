@@ -77,7 +77,8 @@ def resolve(
     names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
     means = np.einsum("ckn,cn->ck", matrix, principal_means)
     absent = (np.abs(white) < _LEAST_WHITE * strongest)[:, order]
-    return Unmixing(matrix, alpha, names, _warnings(names, means, absent))
+    warnings = (*_unphysical(np.median(alpha, axis=0)), *_warnings(names, means, absent))
+    return Unmixing(matrix, alpha, names, warnings)
 
 
 def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> tuple[str, ...]:
@@ -88,7 +89,9 @@ def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -
     - ``interreflection``: α stays below ½ up to the middle pitch, the geometric mean of the
       finest and the coarsest.
     - ``subsurface``: α is below ½ at the finest pitch and from the middle pitch on above it.
-    - Neither where α leaves [−0.25, 1.25], nor where two components claim one name.
+    - No name where two components claim it, and none at all where there is no direct light or
+      where any α leaves [−0.25, 1.25]: the components share the white image, so what one of
+      them takes wrongly the others lack.
 
     Parameters
     ----------
@@ -97,10 +100,11 @@ def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -
     pitch_px
         (m − 1,), increasing.
     """
-    claims = [_travelled(alpha[:, k], pitch_px) for k in range(alpha.shape[1])]
+    claims = [""] * alpha.shape[1]
     finest = alpha[0]
-    if finest[0] >= max(_DIRECT_AT_LEAST, finest[1:].max() + _DIRECT_LEAD):
-        claims[0] = "direct" if _is_light(alpha[:, 0]) else ""
+    found = finest[0] >= max(_DIRECT_AT_LEAST, finest[1:].max() + _DIRECT_LEAD)
+    if found and _is_light(alpha):
+        claims = ["direct", *(_travelled(alpha[:, k], pitch_px) for k in range(1, len(claims)))]
     return tuple(
         claim if claim and claims.count(claim) == 1 else f"component-{k + 1}"
         for k, claim in enumerate(claims)
@@ -109,7 +113,7 @@ def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -
 
 def _travelled(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> str:
     middle_px = np.sqrt(pitch_px[0] * pitch_px[-1])
-    if not _is_light(alpha) or len(pitch_px) < 3:
+    if len(pitch_px) < 3:
         return ""
     if np.all(alpha[pitch_px <= middle_px] < 0.5):
         return "interreflection"
@@ -120,6 +124,16 @@ def _travelled(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> str
 
 def _is_light(alpha: NDArray[np.float64]) -> bool:
     return bool(np.all(alpha >= -_TOLERANCE) and np.all(alpha <= 1 + _TOLERANCE))
+
+
+def _unphysical(alpha: NDArray[np.float64]) -> tuple[str, ...]:
+    if _is_light(alpha):
+        return ()
+    return (
+        f"blind separation failed here: α runs from {alpha.min():.2g} to {alpha.max():.2g} where "
+        "light stays between 0 and 1, so no component is named and none should be read as light; "
+        "the direct and global images of the finest resolved pitch are the better answer",
+    )
 
 
 def _warnings(

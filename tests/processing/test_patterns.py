@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.patterns import Family, Pattern, shift_grid, toggled
+from processing.patterns import Family, Pattern, balanced, shift_grid, untoggled_fraction
 
 PAPER_PITCHES = range(8, 97, 4)
 
@@ -19,7 +19,8 @@ def test_default_grid_is_36_rasters_that_toggle_everything(pitch_px: int) -> Non
     period = (2 * pitch_px, 2 * pitch_px)
     rasters = [pattern.raster(period) for pattern in patterns]
     assert len({raster.tobytes() for raster in rasters}) == 36
-    assert toggled(patterns).all()
+    assert untoggled_fraction(patterns) == 0
+    assert balanced(patterns)
     for first, second in zip(rasters[:18], rasters[18:], strict=True):
         assert np.array_equal(first, 255 - second)
 
@@ -33,7 +34,12 @@ def test_other_spans_are_worse(span: tuple[int, int], different: int) -> None:
 
 
 def test_one_pitch_by_one_leaves_pixels_untoggled() -> None:
-    assert not toggled(checkers(24, (1, 1))).all()
+    patterns = checkers(24, (1, 1))
+    codes = np.stack([pattern.code((48, 48)) for pattern in patterns])
+    stuck = (codes.max(axis=0) == codes.min(axis=0)).mean()
+    assert stuck > 0
+    assert untoggled_fraction(patterns) == pytest.approx(stuck)
+    assert not balanced(patterns)
 
 
 def test_checker_is_what_the_definition_says() -> None:
@@ -103,3 +109,24 @@ def test_text_round_trip(text: str) -> None:
 def test_what_is_no_pattern(text: str, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         Pattern.parse(text)
+
+
+@pytest.mark.parametrize(("shifts_px", "even"), [([0, 8, 16, 24], True), ([0, 4, 8], False)])
+def test_sinusoids_are_balanced_when_their_shifts_divide_the_period(
+    shifts_px: list[int], even: bool
+) -> None:
+    patterns = [Pattern(Family.SINUSOID_ROWS, 16, shift_y_px=shift) for shift in shifts_px]
+    assert balanced(patterns) is even
+    mean = np.mean([pattern.code((32, 1)) for pattern in patterns], axis=0)
+    assert bool(np.ptp(mean) < 1e-9) is even
+
+
+def test_a_pair_of_stripes_one_pitch_apart_is_balanced() -> None:
+    pair = [Pattern(Family.STRIPES_COLUMNS, 16, shift_x_px=shift) for shift in (0, 16)]
+    assert balanced(pair)
+    assert untoggled_fraction(pair) == 0
+
+
+def test_a_pitch_of_any_size_is_judged_at_once() -> None:
+    patterns = [Pattern(Family.CHECKER, 100_000, *shift) for shift in shift_grid(100_000, (6, 6))]
+    assert untoggled_fraction(patterns) == 0

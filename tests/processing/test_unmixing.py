@@ -53,8 +53,9 @@ def test_sign_scale_and_order_come_back(seed: int) -> None:
         ),
         pytest.param((FLAT, FAR, FAR / 2), ("direct", "component-2", "component-3"), id="two-far"),
         pytest.param((FLAT, 0.9 * FLAT), ("component-1", "component-2"), id="two-flat"),
-        pytest.param((FLAT, FAR - 1), ("direct", "component-2"), id="negative-light"),
-        pytest.param((FLAT, FAR, STEEP), ("direct", "interreflection", "component-3"), id="steep"),
+        pytest.param((FLAT, FAR - 1), ("component-1", "component-2"), id="negative-light"),
+        pytest.param((FLAT, FAR, STEEP), ("component-1", "component-2", "component-3"), id="steep"),
+        pytest.param((NEAR, FAR), ("component-1", "component-2"), id="no-direct"),
     ],
 )
 def test_names_are_given_only_where_curves_tell(
