@@ -17,7 +17,17 @@ from drivers.ptp.packets import (
     decode_packet_header,
     packet_bytes,
 )
-from drivers.ptp.transaction import Conversation, Event, Part, Probed, Request, State, Step, Stray
+from drivers.ptp.transaction import (
+    Conversation,
+    Event,
+    Part,
+    ProbeAnswered,
+    Probed,
+    Request,
+    State,
+    Step,
+    Stray,
+)
 from drivers.ptp.wire import Bytes
 
 _CARRIES_DATA = frozenset({PacketType.DATA, PacketType.END_DATA})
@@ -164,7 +174,9 @@ class IpInitiator(Conversation):
                 self._advance(packet)
             case _ if kind is PacketType.PROBE_REQUEST:
                 self._events.append(Probed())
-            case _ if kind is not PacketType.PROBE_RESPONSE:
+            case _ if kind is PacketType.PROBE_RESPONSE:
+                self._events.append(ProbeAnswered())
+            case _:
                 raise PtpProtocolError(f"a {kind.name.lower()} packet after the greeting")
 
     def _advance(self, packet: CommandResponse | StartData | Cancel) -> None:

@@ -103,12 +103,25 @@ class Probed:
 
 
 @dataclass(frozen=True, slots=True)
+class ProbeAnswered:
+    """PTP/IP only: the camera says that it lives."""
+
+
+@dataclass(frozen=True, slots=True)
 class NeedData:
     """Everything received has been told; read more."""
 
 
 Happening: TypeAlias = (
-    DataStarted | DataChunk | DataEnded | Response | Event | Stray | Probed | NeedData
+    DataStarted
+    | DataChunk
+    | DataEnded
+    | Response
+    | Event
+    | Stray
+    | Probed
+    | ProbeAnswered
+    | NeedData
 )
 _NEED_DATA = NeedData()
 
