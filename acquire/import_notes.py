@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from acquire.session import Transfer
 from acquire.table_file import Row, by_pitch
 from drivers.media import PICTURE_TYPES
 from drivers.picture import JPEG_WHITE
-from processing.patterns import Family, Pattern
+from processing.patterns import Family, untoggled_fraction
 
 
 def import_notes(
@@ -87,7 +85,7 @@ def _shift_notes(rows: Sequence[Row]) -> Iterator[str]:
             "the edges of the pattern are not averaged out"
         )
     for key, members in groups.items():
-        share = unswitched_share([row.pattern for row in members]) if key[0].is_binary else 0.0
+        share = untoggled_fraction([row.pattern for row in members]) if key[0].is_binary else 0.0
         if share > 0:
             yield (
                 f"{key[0]} at pitch {key[1]}: {share:.1%} of the projector's pixels are never "
@@ -100,32 +98,3 @@ def _pitches(groups: Iterator[tuple[Family, int]]) -> str:
     for family, pitch_px in groups:
         found.setdefault(family.value, []).append(str(pitch_px))
     return "; ".join(f"{family} {', '.join(pitches)} px" for family, pitches in found.items())
-
-
-def unswitched_share(patterns: Sequence[Pattern]) -> float:
-    """Share of one period that binary patterns of one family and pitch leave always lit or dark.
-
-    Between the edges that any of the patterns has, nothing changes; one sample a cell is enough,
-    whatever the pitch.
-    """
-    period_px = 2 * patterns[0].pitch_px
-    down, heights = _cells([pattern.shift_y_px for pattern in patterns], period_px)
-    right, widths = _cells([pattern.shift_x_px for pattern in patterns], period_px)
-    lit = np.zeros((len(down), len(right)), np.bool_)
-    dark = np.zeros_like(lit)
-    for pattern in patterns:
-        y = (down + pattern.shift_y_px) // pattern.pitch_px * int(pattern.family.varies_down)
-        x = (right + pattern.shift_x_px) // pattern.pitch_px * int(pattern.family.varies_right)
-        odd = (y[:, np.newaxis] + x) % 2 == 1
-        dark |= odd
-        lit |= ~odd
-    areas = heights[:, np.newaxis] * widths
-    return float(areas[~(lit & dark)].sum() / period_px**2)
-
-
-def _cells(shifts_px: list[int], period_px: int) -> tuple[np.ndarray, np.ndarray]:
-    """First pixel and length of the stretches of one period between edges."""
-    pitch_px = period_px // 2
-    edges = {0} | {-shift_px % pitch_px for shift_px in shifts_px}
-    starts = np.array(sorted(edges | {edge + pitch_px for edge in edges}))
-    return starts, np.diff(starts, append=period_px)
