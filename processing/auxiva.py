@@ -10,11 +10,10 @@ with h(r) = r but for r below the floor ε, where h(r) = r²/(2ε) + ε/2 (Huber
 ε/2). Its auxiliary weight h'(r)/r = 1/max(r, ε) makes one sweep over the sources, each row of
 each W_c set to its minimum in turn, a descent of J.
 
-The floor is a fraction of the mean r of the mixtures. With two or more colours samples near
-zero have little influence (their density falls as r^(C−1), faster than 1/r grows) and the floor,
-1e-12 of the mean, only guards the division. With one colour the influence of samples near zero
-diverges logarithmically as ε falls, so the unmixing would hang on accidents of single samples:
-there the floor is 1 % of the mean.
+With two or more colours samples near zero have little influence (their density falls as r^(C−1),
+faster than 1/r grows) and the floor, 1e-12 of the largest mixture, only guards the division. With
+one colour the influence of samples near zero diverges logarithmically as ε falls, so the unmixing
+would hang on accidents of single samples: there the floor is 1 % of the mean r of the mixtures.
 """
 
 from __future__ import annotations
@@ -86,8 +85,9 @@ def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
     largest = max(float(data.max()), -float(data.min()))
     if not (np.isfinite(largest) and largest > 0):
         raise ValueError("mixtures hold values that are not finite, or nothing but zeros")
-    mean_radius = _statistics(data, unmixing, _GUARD * largest)[0] / n_components
-    floor = mean_radius * (_FLOOR_ONE_COLOR if n_colors == 1 else _GUARD)
+    floor = _GUARD * largest
+    if n_colors == 1:
+        floor = _FLOOR_ONE_COLOR * _statistics(data, unmixing, floor)[0] / n_components
     penalty, covariances = _statistics(data, unmixing, floor)
     cost = np.empty(n_iterations + 1)
     cost[0] = penalty
@@ -160,74 +160,124 @@ def _statistics(
     n_blocks = -(-n_samples // _BLOCK_SAMPLES)
     sums = np.zeros((n_blocks, n_components, n_colors, n_components, n_components))
     penalties = np.zeros(n_blocks)
-    _accumulate(mixtures, unmixing, floor, sums, penalties)
+    # The length of a tuple is part of its type: loops over it are unrolled when compiled.
+    _accumulate(mixtures, unmixing, floor, (0,) * n_components, sums, penalties)
     lower = sums.sum(axis=0) / n_samples
     strictly_lower = np.tril(lower, -1)
     return float(penalties.sum() / n_samples), lower + strictly_lower.swapaxes(-1, -2)
 
 
 # NaN must survive, hence no "nnan" or "ninf": only the order within a chunk is the compiler's.
-_FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
+_compiled = numba.njit(
+    cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"}
+)
 
 
-@numba.njit(parallel=True, cache=True, error_model="numpy", fastmath=_FASTMATH)
-def _accumulate(mixtures, unmixing, floor, sums, penalties):  # type: ignore[no-untyped-def]
+@numba.njit(parallel=True, cache=True)
+def _accumulate(mixtures, unmixing, floor, components, sums, penalties):  # type: ignore[no-untyped-def]
     """Sum h(r_k) and the lower triangles of x x'/max(r_k, ε) over each block of samples."""
-    n_components, n_samples = mixtures.shape[1:]
     for block in numba.prange(penalties.size):
-        weights = np.empty((n_components, _CHUNK_SAMPLES))
-        block_end = min((block + 1) * _BLOCK_SAMPLES, n_samples)
-        for start in range(block * _BLOCK_SAMPLES, block_end, _CHUNK_SAMPLES):
-            span = (start, min(start + _CHUNK_SAMPLES, block_end))
-            penalties[block] += _weigh(mixtures, span, unmixing, floor, weights)
-            _add_covariances(mixtures, span, weights, sums[block])
+        model = (unmixing, floor, components)
+        penalties[block] = _add_block(mixtures, block, model, sums[block])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
-def _weigh(mixtures, span, unmixing, floor, weights):  # type: ignore[no-untyped-def]
-    """Fill weights, (n_components, samples), with 1/max(r_k, ε); return the sum of h(r_k)."""
-    n_colors, n_components, _ = mixtures.shape
-    start, end = span
-    size = end - start
-    source = np.empty(_CHUNK_SAMPLES)
+@_compiled
+def _add_block(mixtures, block, model, sums):  # type: ignore[no-untyped-def]
+    n_colors, n_components, n_samples = mixtures.shape
+    chunk = np.empty((n_colors, n_components, _CHUNK_SAMPLES))
+    weights = np.empty((n_components, _CHUNK_SAMPLES))
+    block_end = min((block + 1) * _BLOCK_SAMPLES, n_samples)
     penalty = 0.0
-    for k in range(n_components):
+    for start in range(block * _BLOCK_SAMPLES, block_end, _CHUNK_SAMPLES):
+        end = min(start + _CHUNK_SAMPLES, block_end)
+        _load(mixtures, start, end, chunk)
+        penalty += _weigh(chunk, model, weights)
+        penalty -= n_components * (start + _CHUNK_SAMPLES - end) * model[1] / 2
+        if n_components == 3:
+            _add_covariances_of_three(chunk, weights, sums)
+        else:
+            _add_covariances(chunk, weights, sums)
+    return penalty
+
+
+@_compiled
+def _load(mixtures, start, end, chunk):  # type: ignore[no-untyped-def]
+    """Copy samples as float64; the last chunk is filled up with zeros, which weigh nothing."""
+    for c in range(chunk.shape[0]):
+        for i in range(chunk.shape[1]):
+            source = mixtures[c, i, start:end]
+            target = chunk[c, i]
+            for n in range(source.size):
+                target[n] = source[n]
+            target[source.size :] = 0.0
+
+
+@_compiled
+def _weigh(chunk, model, weights):  # type: ignore[no-untyped-def]
+    """Fill weights, (n_components, samples), with 1/max(r_k, ε); return the sum of h(r_k)."""
+    unmixing, floor, components = model
+    penalty = 0.0
+    for k in range(len(components)):
         energy = weights[k]
-        energy[:size] = 0.0
-        for c in range(n_colors):
-            source[:size] = 0.0
-            for i in range(n_components):
-                mixture = mixtures[c, i, start:end]
-                gain = unmixing[c, k, i]
-                for n in range(size):
-                    source[n] += gain * mixture[n]
-            for n in range(size):
-                energy[n] += source[n] * source[n]
-        for n in range(size):
+        energy[:] = 0.0
+        for c in range(chunk.shape[0]):
+            for n in range(_CHUNK_SAMPLES):
+                source = 0.0
+                for i in range(len(components)):
+                    source += unmixing[c, k, i] * chunk[c, i, n]
+                energy[n] += source * source
+        for n in range(_CHUNK_SAMPLES):
             radius = np.sqrt(energy[n])
             floored = radius if radius > floor else floor
-            energy[n] = 1 / floored
-            penalty += radius * radius * energy[n] + floored
+            weight = 1 / floored
+            penalty += energy[n] * weight + floored
+            energy[n] = weight
     return penalty / 2
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_FASTMATH)
-def _add_covariances(mixtures, span, weights, sums):  # type: ignore[no-untyped-def]
+@_compiled
+def _add_covariances(chunk, weights, sums):  # type: ignore[no-untyped-def]
     """Add the weighted products of mixtures i ≥ j of each colour to sums[k, c, i, j]."""
-    n_colors, n_components, _ = mixtures.shape
-    start, end = span
-    size = end - start
+    n_colors, n_components, _ = chunk.shape
     product = np.empty(_CHUNK_SAMPLES)
     for c in range(n_colors):
         for i in range(n_components):
-            left = mixtures[c, i, start:end]
             for j in range(i + 1):
-                right = mixtures[c, j, start:end]
-                for n in range(size):
-                    product[n] = np.float64(left[n]) * right[n]
+                for n in range(_CHUNK_SAMPLES):
+                    product[n] = chunk[c, i, n] * chunk[c, j, n]
                 for k in range(n_components):
-                    weight = weights[k]
                     total = 0.0
-                    for n in range(size):
-                        total += weight[n] * product[n]
+                    for n in range(_CHUNK_SAMPLES):
+                        total += weights[k, n] * product[n]
                     sums[k, c, i, j] += total
+
+
+@_compiled
+def _add_covariances_of_three(chunk, weights, sums):  # type: ignore[no-untyped-def]
+    """The same for three components, the usual number: all 18 sums stay in registers.
+
+    Measured: three times as fast as the loops above, which load every product three times.
+    """
+    first, second, third = weights[0], weights[1], weights[2]
+    for c in range(chunk.shape[0]):
+        x0, x1, x2 = chunk[c, 0], chunk[c, 1], chunk[c, 2]
+        a0 = a1 = a2 = b0 = b1 = b2 = d0 = d1 = d2 = 0.0
+        e0 = e1 = e2 = f0 = f1 = f2 = g0 = g1 = g2 = 0.0
+        for n in range(_CHUNK_SAMPLES):
+            x, y, z = x0[n], x1[n], x2[n]
+            u, v, w = first[n], second[n], third[n]
+            a0, a1, a2 = a0 + x * x * u, a1 + x * x * v, a2 + x * x * w
+            b0, b1, b2 = b0 + y * x * u, b1 + y * x * v, b2 + y * x * w
+            d0, d1, d2 = d0 + y * y * u, d1 + y * y * v, d2 + y * y * w
+            e0, e1, e2 = e0 + z * x * u, e1 + z * x * v, e2 + z * x * w
+            f0, f1, f2 = f0 + z * y * u, f1 + z * y * v, f2 + z * y * w
+            g0, g1, g2 = g0 + z * z * u, g1 + z * z * v, g2 + z * z * w
+        by_source = ((a0, b0, d0, e0, f0, g0), (a1, b1, d1, e1, f1, g1), (a2, b2, d2, e2, f2, g2))
+        for k in range(3):
+            total = sums[k, c]
+            total[0, 0] += by_source[k][0]
+            total[1, 0] += by_source[k][1]
+            total[1, 1] += by_source[k][2]
+            total[2, 0] += by_source[k][3]
+            total[2, 1] += by_source[k][4]
+            total[2, 2] += by_source[k][5]
