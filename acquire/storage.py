@@ -6,12 +6,16 @@ import shutil
 from pathlib import Path
 
 from acquire.errors import StorageError
+from acquire.session.folder import storage
 
 
 def free_bytes(folder: Path) -> int:
     """Bytes free where the folder is or will be."""
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    return shutil.disk_usage(existing).free
+    with storage(folder):
+        existing = next(
+            path for path in (folder.absolute(), *folder.absolute().parents) if path.exists()
+        )
+        return shutil.disk_usage(existing).free
 
 
 def check_room(folder: Path, needed_bytes: int) -> None:

@@ -22,10 +22,11 @@ def read_plain(path: Path, max_bytes: int) -> bytes:
     except OSError as error:
         why = "it is a link" if error.errno == errno.ELOOP else error.strerror
         raise SessionError(f"Cannot read {path}: {why}.") from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise SessionError(f"Cannot read {path}: it is not a plain file.")
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode):
-            raise SessionError(f"Cannot read {path}: it is not a plain file.")
         if status.st_size > max_bytes:
             raise SessionError(
                 f"Refused {path}: {status.st_size} bytes, where at most {max_bytes} make sense."
@@ -37,8 +38,10 @@ def write_durably(path: Path, data: bytes) -> None:
     """Write a file so that after a power cut it is there whole or not at all."""
     part = path.with_name(f".{path.name}.part")
     with storage(path):
+        part.unlink(missing_ok=True)
         try:
-            with part.open("wb") as file:
+            # "x" makes the file: a link planted under this name is refused, not followed.
+            with part.open("xb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
@@ -51,14 +54,15 @@ def write_durably(path: Path, data: bytes) -> None:
 
 def append_durably(path: Path, line: bytes) -> None:
     """Append a line; a line that did not fit is taken back so that the file stays whole."""
-    with storage(path), path.open("ab") as file:
+    # Unbuffered: what is taken back must not be written again when the file is closed.
+    with storage(path), path.open("ab", buffering=0) as file:
         end = file.tell()
         try:
-            file.write(line)
-            file.flush()
+            if file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(file.fileno())
         except OSError:
-            os.truncate(path, end)
+            file.truncate(end)
             raise
 
 

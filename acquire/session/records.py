@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from enum import StrEnum
 from importlib import metadata
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue
 
 from acquire.plan import MAX_STEPS, PatternText
 from drivers.protocols import CameraSettings, RawFrame
@@ -37,6 +38,13 @@ class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def _finite(settings: CameraSettings) -> CameraSettings:
+    numbers = (settings.exposure_s, settings.aperture or 1.0, settings.iso or 1)
+    if not all(math.isfinite(number) and number > 0 for number in numbers):
+        raise ValueError(f"no camera exposes with {settings}")
+    return settings
+
+
 class Transfer(StrEnum):
     """How the numbers of a picture relate to light."""
 
@@ -50,7 +58,7 @@ class FrameRecord(_Record):
 
     step: int = Field(ge=0, lt=MAX_STEPS)
     pattern: PatternText
-    settings: CameraSettings | None
+    settings: Annotated[CameraSettings, AfterValidator(_finite)] | None
     raster_sha256: Sha256 | None
     file: FramePath
     sha256: Sha256

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from acquire.errors import SessionError
 from acquire.plan import Plan
-from acquire.session.folder import append_durably, read_plain, storage, sync_folder, write_durably
+from acquire.session.folder import append_durably, read_plain, storage, write_durably
 from acquire.session.records import FrameRecord, RunRecord, SessionRecord
 from acquire.validation import explain
 
@@ -51,12 +51,15 @@ class Session:
     @classmethod
     def exists(cls, folder: Path) -> bool:
         """Whether the folder holds a session (its record is written last)."""
-        return (folder / RECORD).exists()
+        with storage(folder):
+            return (folder / RECORD).exists()
 
     @classmethod
     def open(cls, folder: Path) -> Session:
         """Open what is there; raises `SessionError` when it cannot be trusted."""
-        if not folder.is_dir():
+        with storage(folder):
+            there = folder.is_dir()
+        if not there:
             raise SessionError(f"There is no session at {folder}: no such folder.")
         if not cls.exists(folder):
             raise SessionError(f"{folder} is not a session: it has no {RECORD}.")
@@ -82,13 +85,14 @@ class Session:
             _check_blank(folder)
         with storage(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(folder / LOCK)
-        try:
-            lock.acquire(timeout=0)
-        except Timeout as error:
-            raise SessionError(
-                f"Another lumisplit is writing to {folder}. Wait for it or stop it."
-            ) from error
+        lock = FileLock(folder / LOCK)
+        with storage(folder / LOCK):
+            try:
+                lock.acquire(timeout=0)
+            except Timeout as error:
+                raise SessionError(
+                    f"Another lumisplit is writing to {folder}. Wait for it or stop it."
+                ) from error
         try:
             yield
         finally:
@@ -137,7 +141,7 @@ class Session:
     def complete_lines(self) -> list[bytes]:
         """Lines of frames.jsonl that end as lines do; a crash can leave one that does not."""
         content = read_plain(self.folder / LINES, (len(self.plan) + 1) * MAX_LINE_BYTES)
-        return [line for line in content.splitlines(keepends=True) if line.endswith(b"\n")]
+        return [line + b"\n" for line in content.split(b"\n")[:-1]]
 
     @property
     def complete(self) -> bool:
@@ -165,13 +169,13 @@ class Session:
     def _rewrite(self, runs: tuple[RunRecord, ...]) -> None:
         self.record = self.record.model_copy(update={"runs": runs})
         write_durably(self.folder / RECORD, _json(self.record))
-        sync_folder(self.folder)
 
 
 def _check_blank(folder: Path) -> None:
     """Refuse a folder that holds more than the beginnings of an interrupted `Session.create`."""
-    if not (folder.exists() or folder.is_symlink()):
-        return
+    with storage(folder):
+        if not (folder.exists() or folder.is_symlink()):
+            return
     beginnings = {PLAN, LINES, FRAMES, LOCK, f".{PLAN}.part", f".{RECORD}.part"}
     blank = folder.is_dir() and all(
         path.name in beginnings

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,7 +41,7 @@ class BareCamera:
     """Delivers the raster it sees as its file; fails as told, by attempt number."""
 
     projector: BareProjector
-    failures: dict[int, Exception] = field(default_factory=dict)
+    failures: Mapping[int, BaseException] = field(default_factory=dict)
     settings: CameraSettings | None = None
     before: Callable[[int], None] = lambda _: None
     attempts: int = 0
@@ -101,7 +101,7 @@ def test_too_many_time_outs_stop_cleanly_and_can_be_gone_on_with(tmp_path: Path)
     ids=["camera", "bug", "second Ctrl-C"],
 )
 def test_whatever_happens_the_projector_is_black_and_the_frames_are_kept(
-    tmp_path: Path, error: Exception
+    tmp_path: Path, error: BaseException
 ) -> None:
     camera = BareCamera(BareProjector(), {6: error})
     with pytest.raises(type(error)):

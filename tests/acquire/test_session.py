@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,6 +49,11 @@ def replace_by_link(path: Path) -> None:
     path.symlink_to(path.parent.parent.parent / "elsewhere.dng")
 
 
+def replace_by_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
 def replace_by_pipe(path: Path) -> None:
     path.unlink()
     os.mkfifo(path)
@@ -60,6 +68,7 @@ def replace_by_pipe(path: Path) -> None:
         pytest.param(Path.unlink, "No such file", id="gone"),
         pytest.param(replace_by_link, "it is a link", id="a link out of the folder"),
         pytest.param(replace_by_pipe, "not a plain file", id="a pipe"),
+        pytest.param(replace_by_folder, "not a plain file", id="a folder"),
     ],
 )
 def test_verify_names_a_damaged_frame(
@@ -109,6 +118,10 @@ def test_no_path_leads_out(folder: Path, name: str) -> None:
         pytest.param({"size_bytes": 2**40}, id="absurd size"),
         pytest.param({"sha256": "abc"}, id="no digest"),
         pytest.param({"started_s": float("nan")}, id="nan time"),
+        pytest.param(
+            {"settings": {"exposure_s": float("inf"), "aperture": 8.0, "iso": 200}},
+            id="endless exposure",
+        ),
         pytest.param({"extra": 1}, id="unknown key"),
         pytest.param({"media_type": "text/html"}, id="no picture"),
         pytest.param({"media_type": "image/" + "x" * 5000}, id="endless line"),
@@ -209,3 +222,46 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(SessionError, match="not an empty folder"):
         captured(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("name", [".session.json.part", ".lock", "frames/.000005.dng.part"])
+def test_a_planted_link_is_not_followed(tmp_path: Path, name: str) -> None:
+    folder, victim = tmp_path / "s", tmp_path / "victim"
+    victim.write_text("precious")
+    captured(folder, notes=Notes(stop_after=4))
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(victim)
+    with contextlib.suppress(SessionError):
+        captured(folder)
+    assert victim.read_text() == "precious"
+
+
+def test_a_carriage_return_is_no_end_of_a_line(folder: Path) -> None:
+    content = (folder / "frames.jsonl").read_bytes()
+    (folder / "frames.jsonl").write_bytes(content.replace(b",", b",\r", 3))
+    assert Session.open(folder).complete
+
+
+def test_a_line_that_does_not_fit_is_taken_back(tmp_path: Path) -> None:
+    path = tmp_path / "lines"
+    script = (
+        "import resource, signal, sys; from pathlib import Path;"
+        "from acquire.errors import StorageError;"
+        "from acquire.session.folder import append_durably;"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (150, 150));"
+        "path = Path(sys.argv[1]);"
+        "append_durably(path, b'x' * 99 + b'\\n')\n"
+        "try: append_durably(path, b'y' * 99 + b'\\n')\n"
+        "except StorageError as error: print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(path)], check=True, capture_output=True, text=True
+    )
+    assert "The disk is full" in done.stdout
+    assert path.read_bytes() == b"x" * 99 + b"\n"
+
+
+def test_an_impossible_name_is_one_message(tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match="too long"):
+        captured(tmp_path / ("x" * 300))

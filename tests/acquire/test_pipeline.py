@@ -1,0 +1,227 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquire.errors import LumisplitError, ResultError, StackError
+from acquire.evaluation import evaluate, read_truth
+from acquire.pipeline import Options, process
+from acquire.result import Result
+from acquire.session import Session
+from tests.acquire.captures import captured, small_bench, small_plan
+
+PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")
+SHARP = {"camera_px": (32, 40), "projector_px": (96, 128)}
+
+
+@dataclass
+class Silent:
+    stages: list[tuple[str, int]] = field(default_factory=list)
+    units: int = 0
+
+    def stage(self, name: str, total: int) -> None:
+        self.stages.append((name, total))
+
+    def advance(self) -> None:
+        self.units += 1
+
+
+def processed(tmp_path: Path, **changes: object) -> tuple[Session, Result]:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(**{**SHARP, **changes}))
+    return session, process(session, tmp_path / "r", Options(), Silent())
+
+
+def test_direct_and_global_add_up_to_white_less_black(tmp_path: Path) -> None:
+    _, result = processed(tmp_path, ambient=0.05, black_level=0.02)
+    for pitch in result.record.pitches:
+        both = result.pitch_image(pitch.direct) + result.pitch_image(pitch.global_)
+        np.testing.assert_allclose(both, result.white, atol=1e-6)
+
+
+def test_white_is_the_truth_to_the_steps_of_the_sensor(tmp_path: Path) -> None:
+    _, result = processed(tmp_path)
+    truth = read_truth(tmp_path / "s" / "truth.npz", result.record.shape)
+    step = 1 / (16383 - 512)
+    assert np.abs(result.white - sum(truth.values())).max() <= step
+
+
+def test_every_frame_is_decoded_once_and_counted(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(**SHARP))
+    observer = Silent()
+    process(session, tmp_path / "r", Options(), observer)
+    assert observer.stages == [("separating", len(PLAN)), ("decomposing", 1)]
+    assert observer.units == len(PLAN) + 1
+
+
+def test_processing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(full_well_e=20000.0, **SHARP))
+    contents = []
+    for name in ("a", "b"):
+        process(session, tmp_path / name, Options(), Silent())
+        paths = sorted(path for path in (tmp_path / name).rglob("*") if path.is_file())
+        contents.append({path.relative_to(tmp_path / name): path.read_bytes() for path in paths})
+    assert contents[0] == contents[1]
+
+
+def test_saturated_pixels_are_counted_and_nan(tmp_path: Path) -> None:
+    plan = small_plan("[pattern]\npitch_px = [8, 12]\n[camera]\nexposure_s = 0.2\n")
+    session, _ = captured(tmp_path / "s", plan, small_bench(**SHARP))
+    result = process(session, tmp_path / "r", Options(n_components=2), Silent())
+    saturated = result.mask == 1
+    assert 0 < result.record.mask.saturated == saturated.sum() < saturated.size
+    for name in result.record.components:
+        assert np.isnan(result.component(name)[saturated]).all()
+        assert np.isfinite(result.component(name)[~saturated]).all()
+    assert any("saturated" in warning for warning in result.record.warnings)
+
+
+def test_everything_saturated_is_one_message(tmp_path: Path) -> None:
+    plan = small_plan("[pattern]\npitch_px = [8]\n[camera]\nexposure_s = 100.0\n")
+    session, _ = captured(tmp_path / "s", plan, small_bench(**SHARP))
+    with pytest.raises(StackError, match="no pixel can be measured"):
+        process(session, tmp_path / "r", Options(n_components=2), Silent())
+
+
+@pytest.mark.parametrize(
+    ("defect", "word"),
+    [
+        pytest.param({"blur_px": 1.5}, "Not resolved", id="blur"),
+        pytest.param({"ambient": 0.3}, "black frame", id="room light"),
+    ],
+)
+def test_what_weakens_the_frames_is_said(
+    tmp_path: Path, defect: dict[str, object], word: str
+) -> None:
+    _, sound = processed(tmp_path / "sound")
+    _, weak = processed(tmp_path / "weak", **defect)
+    assert not any(word in warning for warning in sound.record.warnings)
+    assert any(word in warning for warning in weak.record.warnings)
+
+
+def test_a_lamp_that_drifts_is_said(tmp_path: Path) -> None:
+    text = "[pattern]\npitch_px = [8, 12, 16, 24]\n[references]\nevery_frames = 36\n"
+    session, _ = captured(tmp_path / "s", small_plan(text), small_bench(drift=0.2, **SHARP))
+    result = process(session, tmp_path / "r", Options(), Silent())
+    assert any("white frames differ" in warning for warning in result.record.warnings)
+    assert any("do not add up" in warning for warning in result.record.warnings)
+    first, last = result.record.pitches[0], result.record.pitches[-1]
+    assert first.additivity_error is not None
+    assert last.additivity_error is not None
+    # The lamp gains 20 % over the run: a quarter of the run apart from the mean white is 5 %.
+    assert first.additivity_error < -0.03 < 0.03 < last.additivity_error
+
+
+def test_sinusoids_are_separated_too(tmp_path: Path) -> None:
+    text = (
+        '[pattern]\nfamily = "sinusoid-columns"\npitch_px = [8, 16]\nshifts = [1, 8]\n'
+        "[projector]\ngamma = 2.2\n"
+    )
+    bench = small_bench(gamma=2.2, scene="board", **SHARP)
+    session, _ = captured(tmp_path / "s", small_plan(text), bench)
+    result = process(session, tmp_path / "r", Options(n_components=2), Silent())
+    coarse = result.pitch_image(result.record.pitches[1].direct)
+    lit = result.mask == 0
+    # A flat board has no global light; a pixel averages the sinusoid over about 3 of its 32
+    # projector pixels, which lowers the amplitude by at most 2 %.
+    ratio = coarse[lit].sum() / result.white[lit].sum()
+    assert ratio == pytest.approx(1, abs=0.03)
+
+
+def test_evaluation_is_zero_for_the_truth_itself(tmp_path: Path) -> None:
+    _, result = processed(tmp_path, scene="board")
+    truth = read_truth(tmp_path / "s" / "truth.npz", result.record.shape)
+    rows = evaluate(result, {"direct": result.component(result.record.components[0])}).rows
+    assigned = next(row for row in rows if row.matching == "assigned")
+    assert assigned.error == pytest.approx(0, abs=1e-6)
+    finest = next(row for row in evaluate(result, truth).rows if "finest" in row.matching)
+    oracle = next(row for row in evaluate(result, truth).rows if "oracle" in row.matching)
+    assert oracle.error <= finest.error
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        pytest.param(Options(method="magic"), "No method 'magic'", id="method"),
+        pytest.param(Options(n_components=1), "2 to 5", id="one component"),
+        pytest.param(Options(n_components=6), "2 to 5", id="too many components"),
+    ],
+)
+def test_options_that_cannot_be(tmp_path: Path, options: Options, reason: str) -> None:
+    session, _ = captured(tmp_path / "s", PLAN)
+    with pytest.raises(LumisplitError, match=reason):
+        process(session, tmp_path / "r", options, Silent())
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_result_replaces_only_a_result(tmp_path: Path) -> None:
+    session, result = processed(tmp_path)
+    process(session, result.folder, Options(n_components=2), Silent())
+    assert len(Result.open(result.folder).record.components) == 2
+    assert len(list((result.folder / "components").iterdir())) == 2
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter-1.tex").write_text("ten years")
+    for folder in (tmp_path / "thesis", tmp_path / "s"):
+        with pytest.raises(ResultError):
+            process(session, folder, Options(), Silent())
+    assert (tmp_path / "thesis" / "chapter-1.tex").exists()
+
+
+def test_a_changed_frame_stops_the_processing(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN)
+    path = tmp_path / "s" / session.frames[7].file
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(LumisplitError, match="digest differs"):
+        process(session, tmp_path / "r", Options(), Silent())
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        pytest.param(b"not a zip", "Cannot read the truth", id="no zip"),
+        pytest.param({"other": np.zeros((4, 5, 3))}, "holds none of", id="other names"),
+        pytest.param({"direct": np.zeros((4, 5))}, r"\(4, 5\)", id="shape"),
+        pytest.param({"direct": np.zeros((900, 900, 3))}, "larger than", id="too large"),
+        pytest.param({"direct": np.array([object()])}, "Cannot read|larger|direct is", id="pickle"),
+        pytest.param({"direct": np.full((4, 5, 3), "x")}, "direct is|larger", id="text"),
+    ],
+)
+def test_truth_files_that_cannot_be_used(
+    tmp_path: Path, content: bytes | dict[str, np.ndarray], reason: str
+) -> None:
+    path = tmp_path / "truth.npz"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        np.savez(path, allow_pickle=True, **content)
+    with pytest.raises(ResultError, match=reason):
+        read_truth(path, (4, 5))
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        pytest.param(b"{}", "cannot be used", id="empty"),
+        pytest.param(b'{"components": ["../../x"]}', "cannot be used", id="path as a name"),
+        pytest.param(b"\xff" * 100, "cannot be used", id="noise"),
+    ],
+)
+def test_damaged_results(tmp_path: Path, damage: bytes, reason: str) -> None:
+    (tmp_path / "result.json").write_bytes(damage)
+    with pytest.raises(ResultError, match=reason):
+        Result.open(tmp_path)
+
+
+def test_images_of_a_stranger(tmp_path: Path) -> None:
+    _, result = processed(tmp_path)
+    (result.folder / "white.tiff").write_bytes(b"II*\x00garbage")
+    with pytest.raises(ResultError, match=r"white\.tiff"):
+        _ = result.white
+    (result.folder / "mask.tiff").unlink()
+    (result.folder / "mask.tiff").symlink_to("/etc/passwd")
+    with pytest.raises(ResultError, match="is a link"):
+        _ = result.mask
