@@ -125,8 +125,6 @@ class Canvas:
             self._lit = self._textures[channels]
             self._lit.write(data)
             self._present()
-            glfw.poll_events()
-            self._check_place()
 
     def black(self) -> None:
         """Show black."""

@@ -22,8 +22,8 @@ from drivers.window_channel import Channel, Message
 from drivers.xserver import list_monitors
 
 OPENING_LIMIT_S = 30.0
-ANSWER_LIMIT_S = 5.0
-CLOSING_LIMIT_S = 3.0
+ANSWER_LIMIT_S = 3.0
+CLOSING_LIMIT_S = 2.0
 LOOK_S = 0.05  # how often to look for bad news while waiting
 
 
@@ -107,6 +107,8 @@ class WindowProjector:
             raise ProjectorError(self._failure)
         try:
             self._channel.send(message)
+        except TimeoutError:
+            self._give_up()
         except OSError:
             # Its last message, if any, says why it is gone.
             self._receive(ANSWER_LIMIT_S)
@@ -116,13 +118,17 @@ class WindowProjector:
     def _expect(self, kind: str, limit_s: float) -> None:
         message = self._receive(limit_s)
         if message is None:
-            self._fail(
-                f"The projector's window did not answer for {limit_s:.0f} s: the graphics driver "
-                "hangs or the computer is overloaded. Run the same command again; if it comes "
-                "back, restart the desktop session and check the driver with `glxinfo -B`."
-            )
+            self._give_up()
         elif message.kind != kind:
             self._fail(f"The projector's window answered {message.kind!r} instead of {kind!r}.")
+
+    def _give_up(self) -> NoReturn:
+        self._process.kill()
+        self._fail(
+            "The projector's window did not answer for seconds and was taken away: the graphics "
+            "driver hangs or the computer is overloaded. Run the same command again; if it comes "
+            "back, restart the desktop session and check the driver with `glxinfo -B`."
+        )
 
     def _receive(self, limit_s: float) -> Message | None:
         try:

@@ -13,7 +13,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-SEND_LIMIT_S = 5.0
+SEND_LIMIT_S = 3.0
 _PIECE_BYTES = 1 << 20
 
 
@@ -44,7 +44,7 @@ class Channel:
         self._connection.close()
 
     def send(self, message: Message) -> None:
-        """Send a message; OSError when the other end is gone or does not take it."""
+        """Send a message; TimeoutError when it is not taken, OSError when the other end is gone."""
         head = {"kind": message.kind, "text": message.text, "size": len(message.data)}
         with self._sending:
             self._connection.sendall(json.dumps(head).encode() + b"\n" + message.data)

@@ -33,6 +33,7 @@ from drivers.xserver import XServer, linear
 
 WATCH_S = 0.2  # how often to look without having been told to
 STIR_S = 10.0
+MAX_LIFTS = 5  # a second
 HANG_S = 1.0  # how long the drawing thread may take to end
 
 
@@ -60,6 +61,7 @@ class Watch(threading.Thread):
         server.set_gamma_ramp(monitor.connector, self._linear_ramp)
         server.stay_awake()
         self._covered = False
+        self._lifted_s: list[float] = []
         self._stirred_s = -STIR_S
         self.rasters: SimpleQueue[Message] = SimpleQueue()
         self.ending = threading.Event()
@@ -105,9 +107,7 @@ class Watch(threading.Thread):
         if now_s - self._stirred_s >= STIR_S:
             self._server.stir()
             self._stirred_s = now_s
-        self._covered = self._server.covered(self._covered)
-        if self._covered:
-            self._server.lift(self._canvas.handle)
+        self._stay_on_top(now_s)
         self._examine_monitor()
         if self._server.gamma_ramp(self._monitor.connector) != self._linear_ramp:
             raise ProjectorError(
@@ -116,6 +116,18 @@ class Watch(threading.Thread):
                 "run the same command again; in GNOME: `gsettings set "
                 "org.gnome.settings-daemon.plugins.color night-light-enabled false`."
             )
+
+    def _stay_on_top(self, now_s: float) -> None:
+        self._covered = self._server.covered(self._covered)
+        if not self._covered:
+            return
+        self._lifted_s = [time_s for time_s in self._lifted_s if now_s - time_s < 1] + [now_s]
+        if len(self._lifted_s) > MAX_LIFTS:
+            raise ProjectorError(
+                f"Another window keeps covering the picture on {self._monitor.connector}. Close "
+                "it: a second lumisplit, a presentation, or a panel that is always on top."
+            )
+        self._server.lift(self._canvas.handle)
 
     def _examine_monitor(self) -> None:
         opened = self._monitor

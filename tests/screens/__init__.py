@@ -1,0 +1,1 @@
+"""A real X server with two monitors, and what is to be seen on them."""
