@@ -17,7 +17,7 @@ from acquire.session import Session
 from acquire.session.verification import problems
 from tests.acquire.captures import recorded_bytes
 
-PLAN = f"[pattern]\npitch_px = {list(range(8, 48, 3))}\n[references]\nevery_frames = 50\n"
+PLAN = f"[pattern]\npitch_px = {list(range(8, 48, 5))}\n[references]\nevery_frames = 50\n"
 BENCH = """kind = "sim"
 [sim]
 camera_px = [16, 20]
@@ -76,7 +76,7 @@ def test_killed_again_and_again_every_file_is_as_if_never_killed(bench: Path) ->
     while lines(killed) < lines(whole):
         before = lines(killed)
         process = start(bench, killed)
-        wait_for_lines(process, killed, before + chance.randint(1, 90))
+        wait_for_lines(process, killed, before + chance.randint(1, 60))
         time.sleep(chance.uniform(0, 0.01))
         process.send_signal(signal.SIGKILL)
         finish(process)

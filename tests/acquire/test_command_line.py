@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from acquire.cli.main import app
+from acquire.errors import LumisplitError
+from acquire.plan_file import example_text
+from drivers.errors import DriverError
+from tests.acquire.captures import SMALL_PLAN
+
+BENCH = 'kind = "sim"\n[sim]\ncamera_px = [24, 32]\nprojector_px = [96, 128]\n'
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Path:
+    """A folder with a plan, a bench and a table."""
+    (tmp_path / "plan.toml").write_text(SMALL_PLAN)
+    (tmp_path / "bench.toml").write_text(BENCH)
+    (tmp_path / "wide.toml").write_text("[pattern]\npitch_px = [8, 4000]\n")
+    (tmp_path / "broken.toml").write_text("[pattern\n")
+    (tmp_path / "empty.csv").write_text("file,role\n")
+    return tmp_path
+
+
+def run(desk: Path, *words: str) -> Result:
+    return CliRunner().invoke(app, [word.format(desk=desk) for word in words])
+
+
+def ran(desk: Path, *words: str) -> str:
+    result = run(desk, *words)
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.output
+
+
+def lumisplit(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "acquire", *words], check=False, capture_output=True, text=True
+    )
+
+
+def test_the_whole_way(desk: Path) -> None:
+    ran(desk, "capture", "{desk}/plan.toml", "--bench", "{desk}/bench.toml", "--out", "{desk}/s")
+    assert "complete, every digest is right" in ran(desk, "verify", "{desk}/s")
+    output = ran(desk, "process", "{desk}/s", "--out", "{desk}/r", "--components", "2")
+    assert "report.html" in output
+    table = ran(desk, "evaluate", "{desk}/r", "--truth", "{desk}/s/truth.npz")
+    assert "direct" in table
+    rows = json.loads(ran(desk, "evaluate", "{desk}/r", "--truth", "{desk}/s/truth.npz", "--json"))[
+        "rows"
+    ]
+    assert {"truth", "estimate", "matching", "error", "error_after_gains"} == set(rows[0])
+    (desk / "r" / "report.html").unlink()
+    ran(desk, "report", "{desk}/r")
+    assert (desk / "r" / "report.html").exists()
+
+
+def test_plan_says_what_it_costs(desk: Path) -> None:
+    output = ran(desk, "plan", "{desk}/plan.toml")
+    assert "frames   18" in output
+    assert "time     about 0 min 4 s" in output
+    assert "disk" in output
+
+
+def test_the_example_is_a_plan(desk: Path) -> None:
+    (desk / "example.toml").write_text(ran(desk, "plan", "--example"))
+    assert (desk / "example.toml").read_text() == example_text()
+    assert "frames   838" in ran(desk, "plan", "{desk}/example.toml")
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        pytest.param(["plan"], "Name a plan", id="no plan"),
+        pytest.param(["plan", "{desk}/none.toml"], "Cannot read the plan", id="plan missing"),
+        pytest.param(["plan", "{desk}/broken.toml"], "not valid TOML", id="plan broken"),
+        pytest.param(["plan", "{desk}/wide.toml"], "pitch_px", id="pitch too wide"),
+        pytest.param(["plan", "{desk}"], "Cannot read the plan", id="plan is a folder"),
+        pytest.param(
+            ["capture", "{desk}/wide.toml", "--out", "{desk}/s"], "pitch_px", id="capture too wide"
+        ),
+        pytest.param(
+            ["capture", "{desk}/plan.toml", "--out", "{desk}"], "not an empty folder", id="taken"
+        ),
+        pytest.param(
+            ["capture", "{desk}/plan.toml", "--out", "{desk}/plan.toml"],
+            "not an empty folder",
+            id="out is a file",
+        ),
+        pytest.param(
+            ["capture", "{desk}/plan.toml", "--out", "{desk}/plan.toml/s"],
+            "Not a directory",
+            id="out below a file",
+        ),
+        pytest.param(
+            ["capture", "{desk}/plan.toml", "--out", "{desk}/s", "--bench", "x.toml"],
+            "There is no bench",
+            id="bench missing",
+        ),
+        pytest.param(
+            ["import", "{desk}/none.csv", "--out", "{desk}/s"], "no such file", id="table missing"
+        ),
+        pytest.param(
+            ["import", "{desk}/empty.csv", "--out", "{desk}/s"], "pattern", id="table columns"
+        ),
+        pytest.param(["verify", "{desk}/none"], "no session at", id="session missing"),
+        pytest.param(["verify", "{desk}"], "not a session", id="no session"),
+        pytest.param(
+            ["process", "{desk}", "--out", "{desk}/r"], "not a session", id="process nothing"
+        ),
+        pytest.param(
+            ["evaluate", "{desk}", "--truth", "{desk}/t.npz"], "not a result", id="no result"
+        ),
+        pytest.param(["report", "{desk}"], "not a result", id="report nothing"),
+    ],
+)
+def test_every_mistake_is_one_message(desk: Path, words: Sequence[str], reason: str) -> None:
+    result = run(desk, *words)
+    assert isinstance(result.exception, (LumisplitError, DriverError)), result.exception
+    assert reason in str(result.exception)
+    assert not (desk / "s").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        pytest.param(["plan", "none.toml"], 1, "lumisplit: Cannot read", id="error"),
+        pytest.param(["capture"], 2, "Missing argument", id="usage"),
+        pytest.param(["no-such-command"], 2, "No such command", id="command"),
+        pytest.param(["--version"], 0, "lumisplit 0.", id="version"),
+    ],
+)
+def test_exit_status_and_no_traceback(words: Sequence[str], status: int, said: str) -> None:
+    done = lumisplit(*words)
+    assert done.returncode == status
+    assert said in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_verify_finds_fails_the_command(desk: Path) -> None:
+    ran(desk, "capture", "{desk}/plan.toml", "--bench", "{desk}/bench.toml", "--out", "{desk}/s")
+    (desk / "s" / "frames" / "000002.dng").write_bytes(b"")
+    result = run(desk, "verify", "{desk}/s")
+    assert result.exit_code == 1
+    assert "000002.dng" in result.output
+
+
+def test_progress_off_a_terminal_is_plain_lines(desk: Path) -> None:
+    words = ["capture", f"{desk}/plan.toml", "--bench", f"{desk}/bench.toml", "--out"]
+    loud = lumisplit(*words, f"{desk}/a")
+    assert loud.stderr.splitlines()[0] == "capturing: 18 to do"
+    assert "\x1b" not in loud.stderr + loud.stdout
+    quiet = lumisplit(*words, f"{desk}/b", "--quiet")
+    assert quiet.stderr == ""
+    assert quiet.stdout.splitlines() == [f"18 frames in {desk}/b"]
