@@ -296,6 +296,7 @@ class CanonProperty(IntEnum):
     BATTERY_POWER = 0xD111
     CAPTURE_DESTINATION = 0xD11C
     IMAGE_FORMAT = 0xD120
+    VIEWFINDER_OUTPUT = 0xD1B0
 
 
 class Format(IntEnum):

@@ -82,14 +82,14 @@ class UsbPort:
     event_bytes: int
 
     @property
-    def name(self) -> str:
+    def address_text(self) -> str:
         """The place on the bus, as gphoto2 writes it."""
         return f"usb:{self.bus:03d},{self.address:03d}"
 
-    def serial_number(self) -> str | None:
-        """From the device's strings; None when it has none or may not be opened."""
+    def text(self, descriptor: str) -> str | None:
+        """A string of the device, ``product`` or ``serial_number``; None when it tells none."""
         try:
-            text: str | None = self.device.serial_number
+            text: str | None = getattr(self.device, descriptor)
         except (usb.core.USBError, ValueError, NotImplementedError):
             return None
         finally:
