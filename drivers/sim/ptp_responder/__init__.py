@@ -1,0 +1,5 @@
+"""A simulated PTP camera that others accept: a body like the Nikon D4S, over any transport.
+
+`responder` is the camera without I/O, `server` puts it on TCP; a USB gadget can be put around the
+same `Responder.handle`.
+"""
