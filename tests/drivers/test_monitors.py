@@ -7,9 +7,13 @@ import pytest
 from drivers.errors import ProjectorError
 from drivers.monitors import Monitor, choose_monitor
 
-OPERATOR = Monitor("DP-1", "DELL U2412M", (1200, 1920), (0, 0), 59.95, (324, 518), True, True)
-PROJECTOR = Monitor("HDMI-1", "BenQ PJ", (800, 1280), (0, 1920), 59.81, (0, 0), False, True)
-TABLET = Monitor("DP-2", "BenQ PJ", (768, 1024), (0, 3200), 60.0, (0, 0), False, True)
+OPERATOR = Monitor(
+    "DP-1", "DELL U2412M", (1200, 1920), (0, 0), 59.95, (324, 518), primary=True, exact=True
+)
+PROJECTOR = Monitor(
+    "HDMI-1", "BenQ PJ", (800, 1280), (0, 1920), 59.81, (0, 0), primary=False, exact=True
+)
+TABLET = Monitor("DP-2", "BenQ PJ", (768, 1024), (0, 3200), 60.0, (0, 0), primary=False, exact=True)
 
 
 @pytest.mark.parametrize(
