@@ -5,6 +5,7 @@ DriverError
 ├── CameraError
 │   ├── CameraTimeoutError   no frame came; another try may succeed
 │   └── SettingsError        the camera cannot be set as asked
+├── SerialError              the device on the serial line does not answer as it should
 ├── ReplayError              the recording does not hold what was asked of it
 └── DecodeError              the bytes are not a picture that can be measured
 """
@@ -30,6 +31,10 @@ class CameraTimeoutError(CameraError):
 
 class SettingsError(CameraError):
     """The camera does not take the settings that were asked for."""
+
+
+class SerialError(DriverError):
+    """The serial port cannot be opened, or what hangs on it is silent or unintelligible."""
 
 
 class ReplayError(DriverError):
