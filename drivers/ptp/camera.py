@@ -18,7 +18,6 @@ from drivers.ptp.codes import CanonOperation, NikonOperation, Operation
 from drivers.ptp.datasets import DeviceInfo
 from drivers.ptp.errors import (
     PtpDisconnectedError,
-    PtpError,
     PtpProtocolError,
     PtpRefusedError,
     PtpTransportError,
