@@ -11,6 +11,7 @@ from acquire.report.figures import (
     Drawing,
     convergence_drawing,
     finite,
+    frames_drawing,
     mixing_drawing,
     pca_drawing,
 )
@@ -38,6 +39,7 @@ METHODS = {"iva": "independent vector analysis"}
 class Drawings:
     """The plots; None where the method has nothing to plot."""
 
+    frames: Drawing | None
     mixing: Drawing | None
     pca: Drawing | None
     convergence: Drawing | None
@@ -168,6 +170,7 @@ def _drawings(record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate
     noise_share = _noise_share(record, white, pitches)
     pca, cost = record.pca_shares, record.convergence
     return Drawings(
+        frames=frames_drawing(record.pitches),
         mixing=mixing_drawing(record.mixing, record.components) if finite(alpha) else None,
         pca=pca_drawing(pca, len(record.components), noise_share) if finite(pca) else None,
         convergence=convergence_drawing(cost) if finite(cost) else None,

@@ -18,13 +18,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from acquire.result import MixingRecord
+from acquire.result import MixingRecord, PitchRecord
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 # Okabe and Ito, Color Universal Design (2008).
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
+WIDE = 30
 DASHES = ("-", "--", ":", "-.")
 INK, FAINT = "#22262b", "#8a9097"
 FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
@@ -94,9 +95,16 @@ def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
     return Drawing(_svg(figure), _mixing_in_words(mixing, alpha, names))
 
 
+def _is_wide(pitches: Sequence[int]) -> bool:
+    """Whether pitches span more than a linear axis can show."""
+    return bool(pitches) and max(pitches) > WIDE * min(pitches)
+
+
 def _place_of_infinity(pitches: Sequence[int]) -> float:
     if not pitches:
         return 1.0
+    if _is_wide(pitches):
+        return float(max(pitches) * (max(pitches) / min(pitches)) ** 0.12)
     return max(pitches) + max(0.1 * (max(pitches) - min(pitches)), 0.15 * max(pitches))
 
 
@@ -117,6 +125,9 @@ def _label_pitches(axes: Axes, pitches: Sequence[int], infinity: float) -> None:
     shown = sorted(set(pitches))
     if len(shown) > 8:
         shown = [shown[k] for k in np.linspace(0, len(shown) - 1, 8).round().astype(int)]
+    if _is_wide(pitches):
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks([*shown, infinity], [*(str(pitch) for pitch in shown), "∞\nwhite light"])
     axes.set_xlabel("pitch of the pattern in projector pixels")
     axes.grid(axis="y")
@@ -133,6 +144,52 @@ def _mixing_in_words(mixing: MixingRecord, alpha: NDArray[np.float64], names: Se
         f"{name} from {mean[first, k]:.2f} to {mean[last, k]:.2f}" for k, name in enumerate(names)
     )
     return f"Mixing α between pitch {min(pitches)} and {max(pitches)} px, mean of colours: {said}."
+
+
+def frames_drawing(pitches: Sequence[PitchRecord]) -> Drawing | None:
+    """How the frames of each pitch agree with white; None without a white frame."""
+    judged = [pitch for pitch in pitches if pitch.direct_peak is not None]
+    if not judged:
+        return None
+    families = list(dict.fromkeys(pitch.family for pitch in judged))
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.7, 4.4), layout="constrained")
+        axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        for dash, family in zip(DASHES * len(families), families, strict=False):
+            own = [pitch for pitch in judged if pitch.family is family]
+            x = [pitch.pitch_px for pitch in own]
+            y = [100 * (pitch.direct_peak or 0) for pitch in own]
+            axes.plot(x, y, dash, c=INK, lw=1.6, label=family.value)
+            for pitch, value in zip(own, y, strict=True):
+                fill = INK if pitch.resolved else "white"
+                axes.plot(
+                    pitch.pitch_px, value, "o", c=PALETTE[0 if pitch.resolved else 4], mfc=fill
+                )
+            sums = [pitch for pitch in own if pitch.additivity_error is not None]
+            errors = [100 * (pitch.additivity_error or 0) for pitch in sums]
+            below.plot([pitch.pitch_px for pitch in sums], errors, f"o{dash}", c=INK, ms=3, lw=1.2)
+        if _is_wide([pitch.pitch_px for pitch in judged]):
+            axes.set_xscale("log")
+            axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_ylabel("direct, % of white")
+        axes.set_ylim(bottom=0)
+        below.axhline(0, color=FAINT, linewidth=0.8)
+        below.set_ylabel("sum − white, %")
+        below.set_xlabel("pitch of the pattern in projector pixels")
+        shown = sorted({pitch.pitch_px for pitch in judged})
+        step = max(1, len(shown) // 8)
+        below.set_xticks(shown[::step], [str(pitch) for pitch in shown[::step]])
+        for panel in (axes, below):
+            panel.grid(axis="y")
+        if len(families) > 1:
+            axes.legend(loc="lower right")
+    unresolved = sum(not pitch.resolved for pitch in judged)
+    worst = max((abs(pitch.additivity_error or 0) for pitch in judged), default=0.0)
+    return Drawing(
+        _svg(figure),
+        f"Direct fraction of the most direct pixels against pitch; {unresolved} of {len(judged)} "
+        f"pitches are not resolved. Complements miss white by {worst:.1%} at most.",
+    )
 
 
 def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -> Drawing:

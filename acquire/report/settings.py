@@ -153,6 +153,8 @@ def processing_rows(record: ResultRecord, record_sha256: str) -> Rows:
 
 def capture_rows(session: SessionSummary) -> Rows:
     """How the frames were exposed and shown."""
+    if session.source is not None:
+        return (("frames", str(session.frames)), ("exposure and settling", "unknown: imported"))
     camera, projector = session.camera, session.projector
     resolution = projector.resolution_px
     return (
