@@ -27,6 +27,8 @@ def cautions(session: Session, separated: SeparatedPitches) -> Iterator[str]:
     if session.record.source is not None:
         yield from session.record.source.notes
     yield from _references(separated)
+    if session.record.source is None:
+        yield from _positions(separated)
     yield from _pitches(separated)
     counted = separated.mask_record()
     if counted.saturated > WARNED_SATURATION * counted.pixels:
@@ -63,7 +65,7 @@ def _references(separated: SeparatedPitches) -> Iterator[str]:
             )
 
 
-def _pitches(separated: SeparatedPitches) -> Iterator[str]:
+def _positions(separated: SeparatedPitches) -> Iterator[str]:
     pairs = [p for p in separated.pitches if p.family.is_binary and p.shifts == 2]
     if pairs:
         yield (
@@ -71,6 +73,9 @@ def _pitches(separated: SeparatedPitches) -> Iterator[str]:
             "only: pixels on the edge of a stripe or check are half lit in both, and their direct "
             "light reads too low."
         )
+
+
+def _pitches(separated: SeparatedPitches) -> Iterator[str]:
     errors = [p.additivity_error for p in separated.pitches if p.additivity_error is not None]
     if errors and np.max(np.abs(errors)) > WARNED_ADDITIVITY:
         worst = max(errors, key=abs)
