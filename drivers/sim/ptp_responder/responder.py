@@ -8,6 +8,7 @@ from drivers.clock import SystemClock
 from drivers.protocols import Clock
 from drivers.ptp.codes import ContainerType, ResponseCode
 from drivers.ptp.cursor import PropertyValue
+from drivers.ptp.errors import PtpProtocolError
 from drivers.ptp.wire import MAX_PARAMETERS, Bytes, Container
 from drivers.sim.ptp_responder import nikon, standard
 from drivers.sim.ptp_responder.answer import Answer, Cut, Output, Raw, RefusalError, Stall, Unplug
@@ -155,7 +156,10 @@ class Responder:
             return Answer(ResponseCode.OPERATION_NOT_SUPPORTED)
         if not body.session and command.code not in standard.WITHOUT_SESSION:
             return Answer(ResponseCode.SESSION_NOT_OPEN)
-        given = command.parameters
+        try:
+            given = command.parameters
+        except PtpProtocolError:
+            return Answer(ResponseCode.PARAMETER_NOT_SUPPORTED)
         parameters = given + (0,) * (MAX_PARAMETERS - len(given))
         try:
             return _HANDLERS[command.code](standard.Call(body, parameters, data))
