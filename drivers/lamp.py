@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 from drivers.errors import ProjectorError
 from drivers.lamp_commands import COMMAND_SETS, LampState, Verdict
@@ -135,13 +136,11 @@ class LampControl:
             self._clock.sleep(self._timing.poll_s)
 
     def _ask(self, request: bytes) -> LampState | Verdict:
-        def read(line: bytes) -> LampState | Verdict | None:
-            return self._commands.read(request, line)
-
-        answer: LampState | Verdict = self._line.ask(
-            request, self._commands.end, read, self._timing.answer_s
+        commands = self._commands
+        answer = self._line.ask(
+            request, commands.end, lambda line: commands.read(request, line), self._timing.answer_s
         )
-        return answer
+        return cast("LampState | Verdict", answer)  # mypy joins the two to StrEnum
 
     def _refusal(self, deed: str, answer: LampState | Verdict) -> str:
         return (
