@@ -50,12 +50,67 @@ class SimBench(BaseModel):
     sim: SimSection = SimSection()
 
 
+class ProjectorSection(BaseModel):
+    """`[projector]`: the monitor; without a name the only one besides the operator's."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    monitor: str | None = None
+
+
+class CameraSection(BaseModel):
+    """`[camera]`: which one, and what a frame costs for the estimates of `lumisplit plan`.
+
+    `address` is a serial number or its end, ``usb:BUS,DEVICE`` or ``ptpip:HOST[:PORT]``; without
+    it the only camera on the USB.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    address: str | None = None
+    frame_mb: float = Field(default=25.0, gt=0, le=1000)
+    transfer_s: float = Field(default=1.0, ge=0, le=3600)
+
+
+class FolderSection(BaseModel):
+    """`[folder]`: a camera without PTP, released by a trigger box, its files picked up here.
+
+    Its exposure is set by hand to what the plan says.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    path: Path
+    trigger_port: str
+    pulse_s: float = Field(default=0.1, ge=0.001, le=3600)
+    arrival_limit_s: float = Field(default=30.0, gt=0, le=3600)
+    quiet_s: float = Field(default=1.0, gt=0, le=60)
+
+
+class LampSection(BaseModel):
+    """`[lamp]`: the projector's serial port."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    port: str
+    commands: Literal["pjlink-serial", "benq"]
+    baud: int | None = Field(default=None, ge=300, le=4_000_000)
+    input: str | None = None
+    warm_up_s: float = Field(default=300.0, ge=0, le=7200)
+    on_limit_s: float = Field(default=180.0, gt=0, le=3600)
+    off_afterwards: bool = False
+
+
 class LabBench(BaseModel):
     """A bench of real devices."""
 
-    model_config = ConfigDict(frozen=True, extra="allow")
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kind: Literal["lab"]
+    kind: Literal["lab"] = "lab"
+    projector: ProjectorSection = ProjectorSection()
+    camera: CameraSection = CameraSection()
+    folder: FolderSection | None = None
+    lamp: LampSection | None = None
 
 
 BenchFile = Annotated[SimBench | LabBench, Field(discriminator="kind")]

@@ -112,6 +112,7 @@ class _Capture:
                     if self.stop.is_set():
                         break
                     frame = self._expose(step)
+                    self.devices.projector.check()
                     writing = disk.submit(self._keep, step, digest, frame)
             finally:
                 self._finish(writing)

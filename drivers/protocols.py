@@ -70,6 +70,12 @@ class Projector(Protocol):
         or dtype and `drivers.errors.ProjectorError` when the device fails.
         """
 
+    def check(self) -> None:
+        """Raise `drivers.errors.ProjectorError` unless what was shown last is still shown.
+
+        Called after an exposure: a frame is kept only if its pattern stood throughout.
+        """
+
     def close(self) -> None:
         """Go black and let the device go."""
 

@@ -116,6 +116,11 @@ class SimulatedProjector:
         self._stage.command(raster)
         self._stage.clock.sleep(self._settle_s)
 
+    def check(self) -> None:
+        """Nothing can pull the cable of a simulated projector; only closing ends what it shows."""
+        if not self._open:
+            raise ProjectorError("the projector is closed; open the bench again")
+
     def close(self) -> None:
         """Go black."""
         if self._open:

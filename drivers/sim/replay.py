@@ -44,6 +44,11 @@ class ReplayProjector:
             raise ProjectorError("the replay's projector is closed; open the recording again")
         self._shown = raster_digest(raster)
 
+    def check(self) -> None:
+        """Raise `ProjectorError` once it is closed."""
+        if not self._open:
+            raise ProjectorError("the replay's projector is closed; open the recording again")
+
     def close(self) -> None:
         """Show nothing any more."""
         self._shown = None

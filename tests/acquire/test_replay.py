@@ -63,7 +63,6 @@ def test_what_was_not_recorded_cannot_be_replayed(
     ("name", "reason"),
     [
         pytest.param("replay:nowhere", "no session at nowhere", id="no session"),
-        pytest.param("lab", "not driven by this version", id="lab"),
         pytest.param("nowhere.toml", "There is no bench", id="no file"),
         pytest.param("replay:", "There is no bench", id="no name"),
     ],

@@ -10,9 +10,10 @@ import pytest
 
 from acquire.errors import BenchError, SessionError
 from acquire.rig import Bench
+from acquire.rig.bench import closed_with
 from acquire.sequencer import Outcome
 from acquire.session import Session
-from drivers.errors import CameraError, CameraTimeoutError
+from drivers.errors import CameraError, CameraTimeoutError, ProjectorError
 from drivers.protocols import CameraSettings, Devices, Raster, RawFrame
 from drivers.sim.clock import SimulatedClock
 from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
@@ -27,10 +28,15 @@ class BareProjector:
     resolution: tuple[int, int] = RESOLUTION
     shown: Raster | None = None
     history: list[Raster] = field(default_factory=list)
+    lost_after: int | None = None
 
     def show(self, raster: Raster) -> None:
         self.shown = raster
         self.history.append(raster)
+
+    def check(self) -> None:
+        if self.lost_after is not None and len(self.history) > self.lost_after:
+            raise ProjectorError("the projector was unplugged")
 
     def close(self) -> None:
         self.shown = np.zeros(self.resolution, np.uint8)
@@ -61,7 +67,14 @@ class BareCamera:
 
 def bare_bench(camera: BareCamera) -> Bench:
     devices = Devices(camera.projector, camera, SimulatedClock())
-    return Bench("bare", {"kind": "bare"}, RESOLUTION, 3072, 0.0, lambda _: devices)
+    return Bench(
+        "bare",
+        {"kind": "bare"},
+        RESOLUTION,
+        3072,
+        0.0,
+        lambda _, way_out: closed_with(devices, way_out),
+    )
 
 
 def test_every_frame_holds_its_own_pattern(tmp_path: Path) -> None:
@@ -109,6 +122,14 @@ def test_whatever_happens_the_projector_is_black_and_the_frames_are_kept(
     assert camera.projector.shown is not None
     assert not camera.projector.shown.any()
     assert len(Session.open(tmp_path / "s").frames) == 6
+
+
+def test_a_frame_during_which_the_projector_was_lost_is_not_kept(tmp_path: Path) -> None:
+    camera = BareCamera(BareProjector(lost_after=4))
+    with pytest.raises(ProjectorError, match="unplugged"):
+        captured(tmp_path / "s", bench=bare_bench(camera))
+    assert camera.attempts == 5
+    assert len(Session.open(tmp_path / "s").frames) == 4
 
 
 def test_settings_that_differ_are_not_kept(tmp_path: Path) -> None:

@@ -54,6 +54,14 @@ def test_the_caller_may_reuse_a_raster_that_was_shown(case: ProjectorCase) -> No
     case.projector.show(raster)
 
 
+def test_what_is_shown_stands_until_it_is_closed(case: ProjectorCase) -> None:
+    case.projector.show(np.zeros(case.projector.resolution, np.uint8))
+    case.projector.check()
+    case.projector.close()
+    with pytest.raises(ProjectorError):
+        case.projector.check()
+
+
 def test_it_can_be_closed_twice_and_shows_nothing_after(case: ProjectorCase) -> None:
     case.projector.close()
     case.projector.close()
