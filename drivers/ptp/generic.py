@@ -74,7 +74,7 @@ class GenericBody:
         shot = Shot(session.clock, exposure_s, linger_s=LINGER_S)
         while not shot.is_over():
             session.pause(WAIT_S)
-            self._take_events(shot)
+            self._take_events(shot, before)
             if not shot.objects and shot.is_late():
                 self._look(shot, before)
         return self._fetch(shot.objects)
@@ -83,10 +83,10 @@ class GenericBody:
         """The standard has no live view."""
         raise CameraError("this camera shows no live view over standard PTP; use its own screen")
 
-    def _take_events(self, shot: Shot) -> None:
+    def _take_events(self, shot: Shot, before: set[int]) -> None:
         for event in self._session.events():
             if event.code == EventCode.OBJECT_ADDED and event.parameters:
-                if event.parameters[0] not in shot.objects:
+                if event.parameters[0] not in before.union(shot.objects):
                     shot.object_added(event.parameters[0])
             elif event.code == EventCode.CAPTURE_COMPLETE:
                 shot.completed()

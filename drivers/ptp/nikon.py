@@ -117,7 +117,7 @@ class NikonBody:
     def expose(self, exposure_s: float) -> list[CameraFile]:
         """Release to the camera's memory, wait, fetch, delete."""
         session = self._session
-        self._drain()
+        self._forget_older()
         self._release_or_empty()
         expected = 2 if self._dials.number(Property.COMPRESSION) in RAW_AND_JPEG else 1
         shot = Shot(session.clock, exposure_s, expected)
@@ -187,6 +187,13 @@ class NikonBody:
                 "the camera takes JPEG and does not let that be changed from here; "
                 "set its image quality to NEF (RAW)"
             )
+
+    def _forget_older(self) -> None:
+        """Wait for a shot that is still under way and throw it away: it shows another pattern."""
+        if NikonOperation.DEVICE_READY in self._operations:
+            self._session.ask(NikonOperation.DEVICE_READY)
+        if any(event.code == NikonEvent.OBJECT_ADDED_IN_SDRAM for event in self._drain()):
+            self._empty_sdram()
 
     def _release_or_empty(self) -> None:
         """Release; a camera that stays busy is rid of a picture that nobody fetched."""

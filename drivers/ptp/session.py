@@ -11,12 +11,13 @@ from typing import Final
 
 from drivers.errors import CameraError
 from drivers.protocols import Clock
-from drivers.ptp.codes import Operation, ResponseCode
+from drivers.ptp.codes import CanonOperation, NikonOperation, Operation, ResponseCode
 from drivers.ptp.errors import (
     PtpDisconnectedError,
     PtpError,
     PtpProtocolError,
     PtpRefusedError,
+    PtpStalledError,
     PtpTransportError,
 )
 from drivers.ptp.link import Link
@@ -49,6 +50,15 @@ BUSY: Final = frozenset(
         ResponseCode.NIKON_WAITING_SECOND_RELEASE,
         ResponseCode.CANON_NOT_READY,
         ResponseCode.CANON_MEMORY_NOT_READY,
+    }
+)
+RELEASES: Final = frozenset(
+    {
+        Operation.INITIATE_CAPTURE,
+        NikonOperation.CAPTURE,
+        NikonOperation.AF_AND_CAPTURE_IN_SDRAM,
+        NikonOperation.INITIATE_CAPTURE_REC_IN_MEDIA,
+        CanonOperation.REMOTE_RELEASE_ON,
     }
 )
 
@@ -156,7 +166,7 @@ class PtpSession:
         """
         deadline_s = self.clock.now() + patience_s
         while True:
-            reply = self._transact(Request(code, parameters, data), timeout_s, into)
+            reply = self._transact_again(Request(code, parameters, data), timeout_s, into)
             if reply.code == ResponseCode.OK or reply.code in accept:
                 return reply
             if reply.code not in BUSY or self.clock.now() >= deadline_s:
@@ -185,6 +195,15 @@ class PtpSession:
         if reply.code == ResponseCode.SESSION_ALREADY_OPEN:
             self._transact(Request(Operation.CLOSE_SESSION), ANSWER_TIMEOUT_S, None)
             self.ask(Operation.OPEN_SESSION, SESSION_ID, accept=already)
+
+    def _transact_again(self, request: Request, timeout_s: float, into: memoryview | None) -> Reply:
+        """A transaction that the device dropped is begun once more, unless it takes a picture."""
+        try:
+            return self._transact(request, timeout_s, into)
+        except PtpStalledError:
+            if request.code in RELEASES:
+                raise
+            return self._transact(request, timeout_s, into)
 
     def _transact(self, request: Request, timeout_s: float, into: memoryview | None) -> Reply:
         """One transaction; data that have no place of their own are gathered.

@@ -39,6 +39,7 @@ STILL_IMAGE = (6, 1, 1)  # class, subclass, protocol
 READ_BYTES = 1 << 20
 WRITE_TIMEOUT_S = 5.0
 CONTROL_TIMEOUT_S = 2.0
+AFTER_HALT_TIMEOUT_S = 0.5
 DRAIN_TIMEOUT_S = 0.1
 DRAIN_READS = 64
 RESET_POLLS = 20
@@ -275,12 +276,22 @@ class UsbLink:
         try:
             count = self._bulk_in(timeout_s)
         except PtpStalledError:
-            self._clear_halt(self._port.bulk_in)
-            count = self._bulk_in(timeout_s)
+            count = self._bulk_in_after_halt()
         at_edge = count > 0 and count % self._port.packet_bytes == 0
         ran_out = time.monotonic() - started_s >= timeout_s
         ended = count < READ_BYTES and not (at_edge and ran_out)
         return memoryview(self._buffer)[:count], ended
+
+    def _bulk_in_after_halt(self) -> int:
+        """Read again; a device that halts and then says nothing has dropped the transaction."""
+        self._clear_halt(self._port.bulk_in)
+        try:
+            return self._bulk_in(AFTER_HALT_TIMEOUT_S)
+        except PtpTimeoutError as error:
+            self._initiator.reset()
+            raise PtpStalledError(
+                "the camera halted its USB pipe and gave no answer; try again"
+            ) from error
 
     def _bulk_in(self, timeout_s: float) -> int:
         try:

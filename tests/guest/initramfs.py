@@ -55,7 +55,9 @@ def build(release: str, busybox: Path) -> bytes:
     for number, module in enumerate(_module_files(release)):
         name = f"modules/{number:02d}-{module.name.removesuffix('.xz')}"
         content = module.read_bytes()
-        entries.append((name, REGULAR, lzma.decompress(content) if module.suffix == ".xz" else content))
+        entries.append(
+            (name, REGULAR, lzma.decompress(content) if module.suffix == ".xz" else content)
+        )
     archive = b"".join(
         _entry(inode, *entry) for inode, entry in enumerate([*entries, ("TRAILER!!!", 0, b"")])
     )
