@@ -14,6 +14,7 @@ from drivers.raster import raster_digest
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
 from drivers.sim.replay import ReplayCamera, ReplayProjector
+from tests.contracts.ptp_cameras import ptp_over_ip, ptp_over_usb
 
 SETTINGS = CameraSettings(exposure_s=0.1, aperture=8.0, iso=200)
 CONFIG = SimulationConfig("board", camera_px=(12, 14), projector_px=(24, 30))
@@ -100,4 +101,9 @@ PROJECTORS: dict[str, Callable[[], ProjectorCase]] = {
     "sim": simulated_projector,
     "replay": replay_projector,
 }
-CAMERAS: dict[str, Callable[[], CameraCase]] = {"sim": simulated_camera, "replay": replay_camera}
+CAMERAS: dict[str, Callable[[], CameraCase]] = {
+    "sim": simulated_camera,
+    "replay": replay_camera,
+    "PTP over USB": lambda: CameraCase(*ptp_over_usb()),
+    "PTP over IP": lambda: CameraCase(*ptp_over_ip()),
+}

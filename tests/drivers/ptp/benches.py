@@ -17,11 +17,14 @@ from drivers.sim.ptp_responder.responder import Responder
 from tests.drivers.ptp.usb_backend import Bus, ResponderPipe
 
 SETTINGS = CameraSettings(exposure_s=0.1, aperture=8.0, iso=200)
+IMAGE_PX = (16, 20)
 
 
 def picture(settings: CameraSettings) -> tuple[bytes, str]:
     """A small raw file whose tags and values tell the settings."""
-    mosaic = np.full((32, 40), 600 + round(1e4 * settings.exposure_s) % 8000, np.uint16)
+    mosaic = np.full(
+        (2 * IMAGE_PX[0], 2 * IMAGE_PX[1]), 600 + round(1e4 * settings.exposure_s) % 8000, np.uint16
+    )
     return encode_dng(mosaic, settings), "image/x-adobe-dng"
 
 
