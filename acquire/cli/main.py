@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import capturing, processing
+from acquire.cli import capturing, devices, processing
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -28,6 +28,7 @@ app = typer.Typer(
 )
 capturing.register(app)
 processing.register(app)
+devices.register(app)
 
 
 def _print_version(wanted: bool) -> None:
