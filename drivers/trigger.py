@@ -35,7 +35,6 @@ from drivers.serial_line import SerialLine
 BAUD = 115200
 VERSION = "lumisplit-trigger 1"
 MAX_PULSE_S = 3600.0
-GREETING_S = 2.5  # an Arduino restarts when its port is opened, and is deaf for up to two seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +55,9 @@ class TriggerBox:
         the exposure itself where the camera is set to bulb.
     answer_s
         How long to wait for an answer, beyond the pulse, before asking again.
+    greeting_s
+        The same for the first answer: an Arduino restarts when its port is opened, and is deaf
+        for up to two seconds.
 
     Raises
     ------
@@ -63,14 +65,16 @@ class TriggerBox:
         There is no such port, or no such box on it.
     """
 
-    def __init__(self, port: str, pulse_s: float, answer_s: float = 1.0) -> None:
+    def __init__(
+        self, port: str, pulse_s: float, answer_s: float = 1.0, greeting_s: float = 2.5
+    ) -> None:
         if not 0.001 <= pulse_s <= MAX_PULSE_S:
             raise ValueError(f"a pulse lasts 0.001 to {MAX_PULSE_S:.0f} s, not {pulse_s}")
         self._pulse_s, self._answer_s = pulse_s, answer_s
         self._line = SerialLine(port, BAUD)
         self._number = 0
         try:
-            version = self._ask("HELLO", GREETING_S)
+            version = self._ask("HELLO", greeting_s)
             if version != VERSION:
                 raise SerialError(
                     f"The box on {port} calls itself {version!r}, not {VERSION!r}. Load the sketch "

@@ -1,0 +1,1 @@
+"""The firmware, run on this computer."""
