@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
-from drivers.errors import ProjectorError
+from drivers.errors import ProjectorError, SerialError
 from drivers.lamp_commands import COMMAND_SETS, LampState, Verdict
 from drivers.protocols import Clock
 from drivers.serial_line import SerialLine
 
 __all__ = ["LampControl", "LampState", "LampTiming"]
+
+MAX_DOUBTS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ class LampControl:
 
     def state(self) -> LampState:
         """What the lamp does now."""
-        answer = self._ask(self._commands.power_query)
+        answer = self._confirmed_state()
         if isinstance(answer, LampState):
             return answer
         if answer is Verdict.BUSY:
@@ -125,6 +127,18 @@ class LampControl:
                 if answer not in {Verdict.DONE, Verdict.BUSY}:
                     raise ProjectorError(self._refusal(f"turn {wanted}", answer))
             self._clock.sleep(self._timing.poll_s)
+
+    def _confirmed_state(self) -> LampState | Verdict:
+        """The same answer twice running: none has a check sum, and noise can turn off into on."""
+        answer = self._ask(self._commands.power_query)
+        for _ in range(MAX_DOUBTS):
+            before, answer = answer, self._ask(self._commands.power_query)
+            if answer is before:
+                return answer
+        raise SerialError(
+            f"The projector on {self._line.port} contradicts itself about its lamp: the line is "
+            "too noisy. Use a shorter, shielded cable, away from power cables."
+        )
 
     def _insist(self, request: bytes) -> LampState | Verdict:
         """The answer once the projector is no longer busy."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,7 +34,12 @@ class SerialLine:
         import serial  # noqa: PLC0415 - only a lab with a serial line needs it
 
         self.port, self.baud = port, baud
-        self._failures: tuple[type[Exception], ...] = (serial.SerialException, OSError)
+        # termios.error is no OSError, and pyserial lets it through.
+        self._failures: tuple[type[Exception], ...] = (
+            serial.SerialException,
+            termios.error,
+            OSError,
+        )
         try:
             self._serial: Any = serial.Serial(
                 port, baud, timeout=0, write_timeout=WRITE_LIMIT_S, exclusive=True

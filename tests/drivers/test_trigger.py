@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-import select
 import subprocess
 import time
 from collections.abc import Iterator
@@ -13,10 +12,9 @@ import pytest
 from drivers.errors import SerialError
 from drivers.trigger import TriggerBox
 from tests.drivers.serial_device import FAULTS, HARMLESS, Device, Fault, connected
-from tests.firmware.box import SKETCH, compile_sketch, exposures
+from tests.firmware.box import PATIENCE_S, SKETCH, behind_a_line, compile_sketch, exposures
 
 PULSE_S = 0.02
-ANSWER_S = GREETING_S = 0.2
 
 
 @pytest.fixture(scope="module")
@@ -33,34 +31,16 @@ def box_on_a_line(
 ) -> Iterator[Device]:
     """The real sketch behind a line that spoils what goes over it."""
     with (
-        log.open("w") as errors,
-        subprocess.Popen(
-            [sketch], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, bufsize=0
-        ) as box,
+        behind_a_line(sketch, log, spoiled_requests) as relay,
+        connected(Device(relay, b"\n", spoiled_answers or {})) as device,
     ):
-        counter = iter(range(1000))
-
-        def relay(line: bytes) -> bytes:
-            assert box.stdin is not None
-            assert box.stdout is not None
-            fault = (spoiled_requests or {}).get(next(counter))
-            sent = line + b"\n" if fault is None else fault(line + b"\n")
-            box.stdin.write(sent)
-            answer = b""
-            # Longer than a pulse, shorter than the computer's patience.
-            while not answer.endswith(b"\n") and select.select([box.stdout], [], [], 0.12)[0]:
-                answer += box.stdout.read(4096) or b""
-            return answer
-
-        with connected(Device(relay, b"\n", spoiled_answers or {})) as device:
-            yield device
-        box.kill()
+        yield device
 
 
 def test_each_call_is_one_exposure_of_the_pulse(sketch: Path, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with box_on_a_line(sketch, log) as device:
-        box = TriggerBox(device.port, PULSE_S, ANSWER_S, GREETING_S)
+        box = TriggerBox(device.port, PULSE_S, PATIENCE_S, PATIENCE_S)
         for _ in range(3):
             box.fire()
         box.close()
@@ -79,7 +59,7 @@ def test_whatever_the_line_does_every_exposure_is_made_once(
     spoiled = {1: fault, 3: fault}
     requests, answers = (spoiled, None) if direction == "request" else (None, spoiled)
     with box_on_a_line(sketch, log, requests, answers) as device:
-        box = TriggerBox(device.port, PULSE_S, ANSWER_S, GREETING_S)
+        box = TriggerBox(device.port, PULSE_S, PATIENCE_S, PATIENCE_S)
         box.fire()
         box.fire()
         box.close()
@@ -89,7 +69,7 @@ def test_whatever_the_line_does_every_exposure_is_made_once(
 def test_the_numbers_go_round(sketch: Path, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with box_on_a_line(sketch, log) as device:
-        box = TriggerBox(device.port, PULSE_S, ANSWER_S, GREETING_S)
+        box = TriggerBox(device.port, PULSE_S, PATIENCE_S, PATIENCE_S)
         box._number = 253
         for _ in range(4):
             box.fire()
@@ -104,7 +84,7 @@ def test_a_new_program_with_the_same_numbers_is_not_taken_for_a_repetition(
     log = tmp_path / "log"
     with box_on_a_line(sketch, log) as device:
         for _ in range(2):
-            box = TriggerBox(device.port, PULSE_S, ANSWER_S, GREETING_S)
+            box = TriggerBox(device.port, PULSE_S, PATIENCE_S, PATIENCE_S)
             box.fire()
             box.close()
     assert len(exposures(log)) == 2
@@ -113,7 +93,7 @@ def test_a_new_program_with_the_same_numbers_is_not_taken_for_a_repetition(
 def test_a_box_that_restarted_is_an_error_and_no_exposure(sketch: Path, tmp_path: Path) -> None:
     greeted, restarted = tmp_path / "greeted", tmp_path / "restarted"
     with box_on_a_line(sketch, greeted) as first:
-        box = TriggerBox(first.port, PULSE_S, ANSWER_S, GREETING_S)
+        box = TriggerBox(first.port, PULSE_S, PATIENCE_S, PATIENCE_S)
         with box_on_a_line(sketch, restarted) as second:
             first.answer = second.answer
             with pytest.raises(SerialError, match="restarted"):
@@ -136,7 +116,7 @@ def test_what_is_no_box_is_refused(reply: bytes, reason: str) -> None:
     with connected(Device(lambda _: reply, b"\n")) as device:
         started_s = time.monotonic()
         with pytest.raises(SerialError, match=reason):
-            TriggerBox(device.port, PULSE_S, ANSWER_S, GREETING_S)
+            TriggerBox(device.port, PULSE_S, PATIENCE_S, PATIENCE_S)
         assert time.monotonic() - started_s < 2
 
 

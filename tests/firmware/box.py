@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+import select
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -14,6 +18,8 @@ HERE = Path(__file__).parent
 SKETCH = HERE.parents[1] / "firmware" / "trigger" / "trigger.ino"
 MAIN = '#include "Arduino.h"\n#include "{sketch}"\nint main() {{ setup(); for (;;) loop(); }}\n'
 SHUTTER_PIN = 7
+RELAY_S = 0.12  # more than a short pulse takes
+PATIENCE_S = 0.2  # more than that
 
 
 def compile_sketch(folder: Path) -> Path:
@@ -30,6 +36,44 @@ def compile_sketch(folder: Path) -> Path:
         check=True,
     )
     return program
+
+
+@contextmanager
+def behind_a_line(
+    sketch: Path, log: Path, spoiled: Mapping[int, Callable[[bytes], bytes]] | None = None
+) -> Iterator[Callable[[bytes], bytes]]:
+    """The running sketch as a function from a line, without its end, to what it answers.
+
+    Parameters
+    ----------
+    sketch
+        The compiled sketch.
+    log
+        File that takes what happens at its pins.
+    spoiled
+        What befalls requests on their way, by their number, from 0.
+    """
+    numbers = count()
+    with (
+        log.open("w") as errors,
+        subprocess.Popen(
+            [sketch], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, bufsize=0
+        ) as box,
+    ):
+        assert box.stdin is not None
+        assert box.stdout is not None
+        requests, answers = box.stdin, box.stdout
+
+        def relay(line: bytes) -> bytes:
+            fault = (spoiled or {}).get(next(numbers))
+            requests.write(line + b"\n" if fault is None else fault(line + b"\n"))
+            answer = b""
+            while not answer.endswith(b"\n") and select.select([answers], [], [], RELAY_S)[0]:
+                answer += answers.read(4096) or b""
+            return answer
+
+        yield relay
+        box.kill()
 
 
 @dataclass(frozen=True, slots=True)
