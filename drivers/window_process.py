@@ -76,8 +76,8 @@ class Watch(threading.Thread):
                 self._examine()
                 while (message := self._channel.receive(0)) is not None:
                     self._obey(message)
-        except EOFError:
-            pass
+        except (EOFError, OSError):
+            pass  # the program has gone, or closed
         except ProjectorError as error:
             self.fail(str(error))
         finally:

@@ -24,11 +24,12 @@ def camera(folder: Path, trigger: Callable[[], None]) -> FolderCamera:
     return FolderCamera(trigger, folder, SETTINGS, 5.0, 1.0, SimulatedClock())
 
 
-def delivering(folder: Path, files: dict[str, bytes]) -> Callable[[], None]:
-    """A trigger after which these files are in the folder."""
+def delivering(folder: Path, *batches: dict[str, bytes]) -> Callable[[], None]:
+    """A trigger after which the next of these batches of files is in the folder."""
+    remaining = iter(batches)
 
     def trigger() -> None:
-        for name, data in files.items():
+        for name, data in next(remaining).items():
             (folder / name).write_bytes(data)
 
     return trigger
@@ -87,8 +88,7 @@ def test_anything_but_one_frame_is_refused(
     ],
 )
 def test_no_file_is_worth_another_try(tmp_path: Path, files: dict[str, bytes]) -> None:
-    triggers = iter([delivering(tmp_path, files), delivering(tmp_path, {"b.cr3": CR3})])
-    device = camera(tmp_path, lambda: next(triggers)())
+    device = camera(tmp_path, delivering(tmp_path, files, {"b.cr3": CR3}))
     with pytest.raises(CameraTimeoutError, match="release cable"):
         device.capture(SETTINGS)
     assert device.capture(SETTINGS).data == CR3
@@ -119,8 +119,7 @@ def test_a_file_that_is_renamed_when_whole_is_taken(tmp_path: Path) -> None:
 
 
 def test_a_file_that_comes_between_two_frames_is_noticed(tmp_path: Path) -> None:
-    triggers = iter([delivering(tmp_path, {name: CR3}) for name in ("a.cr3", "b.cr3")])
-    device = camera(tmp_path, lambda: next(triggers)())
+    device = camera(tmp_path, delivering(tmp_path, {"a.cr3": CR3}, {"b.cr3": CR3}))
     device.capture(SETTINGS)
     (tmp_path / "late.jpg").write_bytes(JPEG)
     with pytest.raises(CameraError, match=r"late\.jpg came"):

@@ -22,10 +22,8 @@ def sketch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compile_sketch(tmp_path_factory.mktemp("box"))
 
 
-@pytest.fixture
-def case(  # type: ignore[no-redef]  # in place of the table of devices
-    sketch: Path, tmp_path: Path
-) -> Iterator[CameraCase]:
+@pytest.fixture  # type: ignore[no-redef]  # in place of the table's devices
+def case(sketch: Path, tmp_path: Path) -> Iterator[CameraCase]:
     """A simulated camera that writes into a folder whenever the box releases its shutter."""
     bench = lit_bench()
     folder, numbers = tmp_path / "frames", count(1)

@@ -131,3 +131,13 @@ def test_without_a_usable_display_it_says_what_to_do(
             list_monitors()
         with pytest.raises(ProjectorError, match=advice):
             WindowProjector("DUMMY1", 0.0, SystemClock())
+
+
+def test_no_graphics_library_is_loaded_before_a_window_is_wanted() -> None:
+    program = "import sys, drivers.window; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert "drivers" in loaded
+    assert not loaded & {"glfw", "moderngl", "xcffib"}
