@@ -130,6 +130,7 @@ class IpLink:
             connection.close()
 
     def _connect(self) -> None:
+        self._initiator = IpInitiator()
         self._commands = self._dial()
         try:
             # A camera that has been paired knows a computer by this number: the same every time.
@@ -150,7 +151,6 @@ class IpLink:
             self._events.close()
             raise
         self.camera_name = answer.name
-        self._initiator = IpInitiator()
         self._selector = selectors.DefaultSelector()
         for connection in (self._commands, self._events):
             self._selector.register(connection, selectors.EVENT_READ)
@@ -212,8 +212,8 @@ class IpLink:
         return bytes(data)
 
     def _write(self, connection: socket.socket, data: bytes) -> None:
-        connection.settimeout(SEND_TIMEOUT_S)
         try:
+            connection.settimeout(SEND_TIMEOUT_S)
             connection.sendall(data)
         except TimeoutError:
             raise PtpTimeoutError(f"the camera at {self._place} takes no more bytes") from None

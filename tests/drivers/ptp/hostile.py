@@ -28,6 +28,7 @@ from drivers.ptp.packets import (
     CommandResponse,
     EventPacket,
     InitCommandRequest,
+    InitEventRequest,
 )
 from drivers.ptp.properties import PropertyDescription
 from drivers.ptp.transaction import Event, Request, Response, State
@@ -180,7 +181,8 @@ def _read_packets(stream: bytes, rng: random.Random) -> None:
     size = rng.randint(1, 80)
     for start in range(0, len(stream), size):
         for packet in packets.receive(stream[start : start + size]):
-            operations.receive(packet)
+            if not isinstance(packet, InitCommandRequest | InitEventRequest):
+                operations.receive(packet)
 
 
 def _commands() -> tuple[bytes, ...]:
@@ -209,12 +211,7 @@ def readers() -> dict[str, Reader]:
     body = d4s()
     descriptions = tuple(d.encode() for d in body.descriptions.values())
     object_info = ObjectInfo(0x10001, Format.UNDEFINED, 12345, "DSC_0001.NEF", "20260101T000000")
-    host = b"".join(
-        (
-            InitCommandRequest(bytes(16), "host").encode(),
-            *(b for b in IpInitiator().send(Request(0x1016, (0x5007,), b"\x20\x03"))),
-        )
-    )
+    greetings = InitCommandRequest(bytes(16), "host").encode() + InitEventRequest(1).encode()
     command_stream = b"".join(IpInitiator().send(Request(0x1016, (0x5007,), b"\x20\x03")))
     events = EventPacket(0x4002, 0, (3,)).encode() + PROBE_REQUEST.encode()
     return {
@@ -237,7 +234,7 @@ def readers() -> dict[str, Reader]:
         ),
         "Canon's records": Reader(_decoded(decode_canon_records), _canon_examples()),
         "responder": Reader(_HostileHost().read, _commands()),
-        "responder's packets": Reader(_read_packets, (host, command_stream * 2)),
+        "responder's packets": Reader(_read_packets, (greetings, command_stream * 2)),
     }
 
 
