@@ -83,6 +83,7 @@ class Canvas:
                 glfw.window_hint(hint, value)
             self._window: Any = glfw.create_window(width, height, "lumisplit", None, None)
             self.handle = int(glfw.get_x11_window(self._window))
+            server.claim(monitor.connector, self.handle)
             server.exempt(self.handle)
             server.watch(self.handle)
             top, left = monitor.position_px

@@ -33,7 +33,8 @@ from drivers.xserver import XServer, linear
 
 WATCH_S = 0.2  # how often to look without having been told to
 STIR_S = 10.0
-MAX_LIFTS = 5  # a second
+MAX_LIFTS = 5
+LIFTS_WITHIN_S = 5.0
 HANG_S = 1.0  # how long the drawing thread may take to end
 
 
@@ -121,11 +122,12 @@ class Watch(threading.Thread):
         self._covered = self._server.covered(self._covered)
         if not self._covered:
             return
-        self._lifted_s = [time_s for time_s in self._lifted_s if now_s - time_s < 1] + [now_s]
+        self._lifted_s = [time_s for time_s in self._lifted_s if now_s - time_s < LIFTS_WITHIN_S]
+        self._lifted_s.append(now_s)
         if len(self._lifted_s) > MAX_LIFTS:
             raise ProjectorError(
                 f"Another window keeps covering the picture on {self._monitor.connector}. Close "
-                "it: a second lumisplit, a presentation, or a panel that is always on top."
+                "it: a presentation, a video, or a panel that is always on top."
             )
         self._server.lift(self._canvas.handle)
 

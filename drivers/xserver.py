@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import struct
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
@@ -17,6 +18,7 @@ from drivers.monitors import Monitor
 
 Ramp: TypeAlias = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
+LEAVING_S = 2.0  # a killed program's window takes a moment to go
 _INTERLACED, _DOUBLE_SCAN = 0x10, 0x20
 _QUARTER_TURNS = 2 | 8
 _IDENTITY = (65536, 0, 0, 0, 65536, 0, 0, 0, 65536)
@@ -179,6 +181,23 @@ class XServer:
         with self._mapped():
             mask = self._x.xproto.CW.BackPixel | self._x.xproto.CW.OverrideRedirect
             self._core.ChangeWindowAttributes(window, mask, [0, 1], is_checked=True).check()
+
+    def claim(self, connector: str, window: int) -> None:
+        """Have a monitor to oneself as long as `window` exists; refused if another has it."""
+        with self._mapped():
+            name = f"_LUMISPLIT_{connector}"
+            atom = self._core.InternAtom(0, len(name), name).reply().atom
+            deadline_s = time.monotonic() + LEAVING_S
+            while (taken := self._core.GetSelectionOwner(atom).reply().owner) and (
+                time.monotonic() < deadline_s
+            ):
+                time.sleep(LEAVING_S / 50)
+            if taken:
+                raise ProjectorError(
+                    f"Another lumisplit is showing on {connector}. Wait for it or close it first; "
+                    "`pgrep -af lumisplit` finds it."
+                )
+            self._core.SetSelectionOwner(window, atom, 0, is_checked=True).check()
 
     def watch(self, window: int) -> None:
         """Have `changed` tell of monitors that change and of windows that cover `window`."""

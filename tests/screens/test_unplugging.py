@@ -86,9 +86,9 @@ def test_a_window_process_that_dies_is_an_error(desk: Desk) -> None:
     assert not desk.photograph().any()
 
 
-def pop_up(connection: Any) -> None:
+def pop_up(connection: Any) -> int:
     """A white window in the middle of the projector's picture, over all others."""
-    window = connection.generate_id()
+    window = int(connection.generate_id())
     root = connection.get_setup().roots[0]
     mask = xcffib.xproto.CW.BackPixel | xcffib.xproto.CW.OverrideRedirect
     place = (2200, 300, 200, 100)
@@ -97,6 +97,7 @@ def pop_up(connection: Any) -> None:
         root.root_depth, window, root.root, *place, 0, 1, root.root_visual, mask, [0xFFFFFF, 1]
     )
     core.MapWindow(window, is_checked=True).check()
+    return window
 
 
 def test_a_window_that_pops_up_over_the_picture_is_put_behind_it(desk: Desk) -> None:
@@ -112,17 +113,30 @@ def test_a_window_that_pops_up_over_the_picture_is_put_behind_it(desk: Desk) -> 
     projector.close()
 
 
-def test_two_windows_do_not_fight_over_a_projector(desk: Desk) -> None:
+def test_a_window_that_keeps_coming_back_is_an_error(desk: Desk) -> None:
+    projector = WindowProjector("DUMMY1", 0.0, SystemClock())
+    projector.show(white(desk))
+    with x_client() as connection:
+        window = pop_up(connection)
+        stack, above = xcffib.xproto.ConfigWindow.StackMode, xcffib.xproto.StackMode.Above
+
+        def come_back() -> None:
+            for _ in range(100):
+                projector.check()
+                connection.core.ConfigureWindow(window, stack, [above], is_checked=True).check()
+
+        with pytest.raises(ProjectorError, match="keeps covering"):
+            come_back()
+    projector.close()
+
+
+def test_a_second_program_cannot_take_the_projector(desk: Desk) -> None:
     first = WindowProjector("DUMMY1", 0.0, SystemClock())
-    second = WindowProjector("DUMMY1", 0.0, SystemClock())
-    time.sleep(1)
-    outcomes = []
-    for projector in (first, second):
-        try:
-            projector.show(white(desk))
-        except ProjectorError as error:
-            outcomes.append(str(error))
-    assert len(outcomes) == 1
-    assert "covering" in outcomes[0]
+    first.show(white(desk))
+    with pytest.raises(ProjectorError, match="Another lumisplit"):
+        WindowProjector("DUMMY1", 0.0, SystemClock())
+    first.check()
+    assert (desk.projector_screen(desk.photograph()) == 255).all()
     first.close()
+    second = WindowProjector("DUMMY1", 0.0, SystemClock())
     second.close()
