@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 
@@ -16,6 +16,7 @@ from drivers.ptp.codes import NikonOperation, Operation, PacketType, Property, R
 from drivers.ptp.datasets import DeviceInfo
 from drivers.ptp.errors import (
     PtpDisconnectedError,
+    PtpError,
     PtpProtocolError,
     PtpTimeoutError,
     PtpTransportError,
@@ -23,7 +24,9 @@ from drivers.ptp.errors import (
 from drivers.ptp.ip import IpLink
 from drivers.ptp.link import Link
 from drivers.ptp.packets import (
+    INIT_EVENT_ACK,
     PROBE_REQUEST,
+    PROBE_RESPONSE,
     InitCommandAck,
     InitCommandRequest,
     InitEventRequest,
@@ -149,6 +152,20 @@ def test_hosts_are_served_one_after_another_and_not_together() -> None:
                 assert time.monotonic() < until_s
 
 
+def test_events_may_be_called_for_at_a_second_port() -> None:
+    with socket.create_server((LOOPBACK, 0)) as listener:
+        second = listener.getsockname()[1]
+    with (
+        PtpIpServer(Responder(shoot), event_port=second) as camera,
+        socket.create_connection(camera.address, TIMEOUT_S) as commands,
+        socket.create_connection((LOOPBACK, second), TIMEOUT_S) as events,
+    ):
+        commands.sendall(InitCommandRequest(bytes(16), "host").encode())
+        assert commands.recv(4096)[4] == PacketType.INIT_COMMAND_ACK
+        events.sendall(InitEventRequest(1).encode())
+        assert events.recv(4096)[4] == PacketType.INIT_EVENT_ACK
+
+
 def is_free(camera: PtpIpServer) -> bool:
     """Whether the camera has noticed that the last host is gone."""
     try:
@@ -243,13 +260,15 @@ def test_a_host_that_breaks_the_rules_is_dropped_and_the_next_is_served() -> Non
 
 
 @contextmanager
-def impostor(speak: Callable[[socket.socket], None]) -> Iterator[int]:
-    """A port where something else than a camera answers the first connection."""
+def impostor(*speakers: Callable[[socket.socket], None]) -> Iterator[int]:
+    """A port where something else than a camera answers one connection after another."""
 
     def serve() -> None:
-        connection, _ = listener.accept()
-        with connection:
-            speak(connection)
+        with ExitStack() as open_until_all_have_spoken:
+            for speak in speakers:
+                connection, _ = listener.accept()
+                open_until_all_have_spoken.enter_context(connection)
+                speak(connection)
 
     with socket.create_server((LOOPBACK, 0)) as listener:
         thread = threading.Thread(target=serve)
@@ -289,6 +308,42 @@ def test_what_is_no_camera_is_told_so(name: str) -> None:
     answer, error, message = IMPOSTORS[name]
     with impostor(greet(answer)) as port, pytest.raises(error, match=message):
         IpLink(LOOPBACK, port)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [(InitFail(2).encode(), "close that one"), (ACK, "does not answer as a PTP/IP")],
+    ids=["refused", "the wrong packet"],
+)
+def test_an_event_connection_that_is_not_accepted_is_told_so(answer: bytes, message: str) -> None:
+    with impostor(greet(ACK), greet(answer)) as port, pytest.raises(PtpError, match=message):
+        IpLink(LOOPBACK, port)
+
+
+def test_a_camera_that_asks_is_answered() -> None:
+    answers = []
+
+    def probe(connection: socket.socket) -> None:
+        greet(INIT_EVENT_ACK.encode(), PROBE_REQUEST.encode())(connection)
+        answers.append(connection.recv(4096))
+
+    with impostor(greet(ACK), probe) as port:
+        link = IpLink(LOOPBACK, port)
+        link.poll_events(TIMEOUT_S)
+        assert isinstance(link.take(), NeedData)
+    assert answers == [PROBE_RESPONSE.encode()]
+    link.close()
+
+
+def test_a_camera_that_does_not_answer_a_probe_is_not_there() -> None:
+    release = threading.Event()
+    events = greet(INIT_EVENT_ACK.encode())
+    with impostor(greet(ACK), events, lambda _: _wait(release)) as port:
+        link = IpLink(LOOPBACK, port)
+        with socket.create_connection((LOOPBACK, port)):
+            assert not link.is_alive(SILENCE_S)
+            release.set()
+    link.close()
 
 
 def _wait(release: threading.Event) -> None:

@@ -24,55 +24,13 @@ from drivers.ptp.datasets import DeviceInfo, ObjectInfo, StorageInfo, decode_han
 from drivers.ptp.transaction import Event
 from drivers.ptp.wire import Container
 from drivers.raw import decode_raw
-from drivers.sim.clock import SimulatedClock
 from drivers.sim.devices import SimulationConfig
-from drivers.sim.ptp_responder.answer import Cut, Output, Raw, Stall, Unplug
-from drivers.sim.ptp_responder.body import BULB, d4s, plain
-from drivers.sim.ptp_responder.misbehaviour import Misbehaviour, Name
+from drivers.sim.ptp_responder.body import BULB
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.source import simulated_scene
 from drivers.sim.ptp_responder.store import SDRAM_HANDLE
 from tests.drivers.ptp.host import Host
-
-CAPTURE = NikonOperation.INITIATE_CAPTURE_REC_IN_MEDIA
-NO_AF, AF = 0xFFFFFFFF, 0xFFFFFFFE
-CARD, SDRAM = 0, 1
-RAW_FILE = b"raw" * 100
-ALL = 0xFFFFFFFF
-
-
-class Bench:
-    """A camera on a clock that can be moved, and the host before it."""
-
-    def __init__(
-        self,
-        *misbehaviours: str,
-        body: str = "d4s",
-        card_images: int = 9,
-        autofocus_finds: bool = True,
-        piece: int = 512,
-    ) -> None:
-        self.clock = SimulatedClock()
-        self.asked: list[CameraSettings] = []
-        self.responder = Responder(
-            self.shoot,
-            d4s() if body == "d4s" else plain(),
-            [Misbehaviour.parse(text) for text in misbehaviours],
-            self.clock,
-            card_images,
-            autofocus_finds,
-        )
-        self.host = Host(self.responder, piece)
-
-    def shoot(self, settings: CameraSettings) -> tuple[bytes, str]:
-        self.asked.append(settings)
-        return RAW_FILE, "image/x-raw"
-
-    def capture(self, target: int) -> list[Event]:
-        """A whole shot; what the host is told of it."""
-        assert self.host.call(CAPTURE, NO_AF, target).code == ResponseCode.OK
-        self.clock.sleep(1.0)
-        return self.host.listed_events()
+from tests.drivers.ptp.shots import AF, ALL, CAPTURE, CARD, NO_AF, RAW_FILE, SDRAM, Bench, outputs
 
 
 def test_it_introduces_itself_as_the_published_report_has_it() -> None:
@@ -249,144 +207,6 @@ def test_quality_decides_which_files_a_shot_makes() -> None:
     ]
 
 
-EVENTS = {
-    "lost-event": [],
-    "lost-object-event": [0x400D],
-    "lost-completion": [0x4002],
-    "completion-first": [0x400D, 0x4002],
-    "odd-event": [0xC1FF, 0x4002, 0xC1FF, 0x400D],
-    "zero-handle": [0x4002, 0x400D],
-}
-
-
-@pytest.mark.parametrize("name", EVENTS)
-def test_events_go_wrong_once_and_the_file_is_there(name: str) -> None:
-    bench = Bench(name)
-    events = bench.capture(CARD)
-    assert [event.code for event in events] == EVENTS[name]
-    if name == "zero-handle":
-        assert events[0].parameters == (0,)
-    assert bench.host.call(Operation.GET_NUM_OBJECTS, ALL, 0, 0).parameters == (3,)
-    assert [event.code for event in bench.capture(CARD)] == [0x4002, 0x400D]
-
-
-def test_of_a_pair_the_jpeg_may_come_first() -> None:
-    bench = Bench("jpeg-first")
-    bench.host.set(Property.COMPRESSION, 5)
-    first, _, _ = bench.capture(CARD)
-    info = ObjectInfo.decode(bench.host.fetch(Operation.GET_OBJECT_INFO, *first.parameters))
-    assert info.object_format == Format.EXIF_JPEG
-
-
-def outputs(bench: Bench, code: int, *parameters: int) -> list[Output]:
-    command = Container.with_parameters(ContainerType.COMMAND, code, 9, parameters)
-    return bench.responder.handle(command)
-
-
-def ok(transaction: int) -> Container:
-    return Container.with_parameters(ContainerType.RESPONSE, ResponseCode.OK, transaction)
-
-
-def fetched(transaction: int) -> Container:
-    return Container(ContainerType.DATA, Operation.GET_OBJECT, transaction, RAW_FILE)
-
-
-OUTPUTS: dict[str, list[Output]] = {
-    "busy@1009": [Container.with_parameters(ContainerType.RESPONSE, 0x2019, 9)],
-    "busy=A004@1009": [Container.with_parameters(ContainerType.RESPONSE, 0xA004, 9)],
-    "stall": [Stall()],
-    "timeout@1009": [],
-    "wrong-transaction@1009": [fetched(10), ok(10)],
-    "stale-answer@1009": [ok(0x1234), fetched(9), ok(9)],
-    "garbage": [Raw(bytes.fromhex("deadbeef") * 16)],
-    "cut-object": [Cut(fetched(9), len(RAW_FILE) // 2), ok(9)],
-    "unplug@1009": [Cut(fetched(9), len(RAW_FILE) // 2), Unplug()],
-    "sleep@1009": [],
-}
-
-
-@pytest.mark.parametrize("text", OUTPUTS)
-def test_answers_go_wrong_as_the_script_has_it(text: str) -> None:
-    bench = Bench(f"{text}+1*2")
-    (handle,) = bench.capture(CARD)[0].parameters
-    usual: list[Output] = [fetched(9), ok(9)]
-    told = [outputs(bench, Operation.GET_OBJECT, handle) for _ in range(4)]
-    after: list[Output] = [] if text.startswith("sleep") else usual
-    assert told == [usual, OUTPUTS[text], OUTPUTS[text], after]
-
-
-def test_a_reset_wakes_it_and_ends_the_session() -> None:
-    bench = Bench("sleep")
-    bench.host.call(NikonOperation.CHANGE_CAMERA_MODE, 1)
-    assert bench.responder.is_remote
-    assert outputs(bench, CAPTURE, NO_AF, CARD) == []
-    assert outputs(bench, Operation.GET_DEVICE_INFO) == []
-    assert bench.responder.due_events() == []
-    bench.responder.reset()
-    assert not bench.responder.is_open
-    assert not bench.responder.is_remote
-    refused = Container.with_parameters(ContainerType.RESPONSE, ResponseCode.SESSION_NOT_OPEN, 9)
-    assert outputs(bench, CAPTURE, NO_AF, CARD) == [refused]
-    assert Host(bench.responder).call(CAPTURE, NO_AF, CARD).code == ResponseCode.OK
-
-
-@pytest.mark.parametrize(
-    "text", ["asleep", "busy=19", "busy@", "busy+x", "busy*", ""], ids=lambda text: text or "empty"
-)
-def test_misbehaviours_are_named_exactly(text: str) -> None:
-    with pytest.raises(ValueError, match=r"no misbehaviour .* cut-object, "):
-        Misbehaviour.parse(text)
-
-
-def test_a_misbehaviour_is_written_in_one_word() -> None:
-    expected = Misbehaviour(Name.BUSY, operation=0x90C8, skip=2, times=3, code=0xA200)
-    assert Misbehaviour.parse("busy=A200@90C8+2*3") == expected
-
-
-def test_live_view_needs_its_time_and_ends() -> None:
-    bench = Bench()
-    assert bench.host.call(NikonOperation.GET_LIVE_VIEW_IMAGE).code == 0xA00B
-    assert bench.host.call(NikonOperation.START_LIVE_VIEW).code == ResponseCode.OK
-    assert bench.host.call(NikonOperation.GET_LIVE_VIEW_IMAGE).code == ResponseCode.DEVICE_BUSY
-    bench.clock.sleep(0.5)
-    assert bench.host.call(NikonOperation.DEVICE_READY).code == ResponseCode.OK
-    assert bench.host.value(NikonProperty.LIVE_VIEW_STATUS) == 1
-    image = bench.host.fetch(NikonOperation.GET_LIVE_VIEW_IMAGE)
-    start = image.index(b"\xff\xd8")
-    assert start > 0
-    picture = cv2.imdecode(np.frombuffer(image[start:], np.uint8), cv2.IMREAD_COLOR)
-    assert picture is not None
-    assert bench.host.call(NikonOperation.END_LIVE_VIEW).code == ResponseCode.OK
-    assert bench.host.value(NikonProperty.LIVE_VIEW_STATUS) == 0
-
-
-PROHIBITIONS = {
-    "battery": (8, Property.BATTERY_LEVEL, 5),
-    "mode": (31, Property.EXPOSURE_PROGRAM, 0x8010),
-}
-
-
-@pytest.mark.parametrize("name", PROHIBITIONS)
-def test_what_stands_against_live_view_is_told(name: str) -> None:
-    bit, code, value = PROHIBITIONS[name]
-    bench = Bench()
-    bench.responder.turn(code, value)
-    assert bench.host.value(NikonProperty.LIVE_VIEW_PROHIBITION) == 1 << bit
-    assert bench.host.call(NikonOperation.START_LIVE_VIEW).code == (
-        ResponseCode.NIKON_INVALID_STATUS
-    )
-
-
-def test_an_image_in_sdram_or_no_card_stand_against_live_view() -> None:
-    bench = Bench()
-    bench.capture(SDRAM)
-    assert bench.host.value(NikonProperty.LIVE_VIEW_PROHIBITION) == 1 << 12
-    host = Bench(card_images=0).host
-    assert host.value(NikonProperty.LIVE_VIEW_PROHIBITION) == 1 << 14
-    host.set(NikonProperty.RECORDING_MEDIA, 1)
-    assert host.value(NikonProperty.LIVE_VIEW_PROHIBITION) == 0
-
-
 def test_a_plain_body_pushes_its_events_and_knows_no_vendor_operation() -> None:
     bench = Bench(body="plain")
     assert bench.host.call(NikonOperation.GET_EVENT).code == (ResponseCode.OPERATION_NOT_SUPPORTED)
@@ -431,3 +251,70 @@ def test_the_default_source_is_a_simulated_scene() -> None:
     picture = cv2.imdecode(np.frombuffer(thumb, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
     assert picture.shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize(
+    ("code", "focuses"), [(0x90C0, False), (0x90CB, True)], ids=["as it is", "focused"]
+)
+def test_older_bodies_shoot_to_sdram_only(code: int, focuses: bool) -> None:
+    bench = Bench(autofocus_finds=False)
+    bench.responder.turn(Property.FOCUS_MODE, 0x8010)
+    expected = ResponseCode.NIKON_OUT_OF_FOCUS if focuses else ResponseCode.OK
+    assert bench.host.call(code, NO_AF).code == expected
+    assert bench.host.call(NikonOperation.AF_DRIVE).code == ResponseCode.NIKON_OUT_OF_FOCUS
+    bench.responder.turn(Property.FOCUS_MODE, 1)
+    bench.clock.sleep(1.0)
+    bench.host.call(NikonOperation.DELETE_IMAGES_IN_SDRAM)
+    assert bench.host.call(code, NO_AF).code == ResponseCode.OK
+    bench.clock.sleep(1.0)
+    (added, _) = bench.host.listed_events()[-2:]
+    assert added == Event(NikonEvent.OBJECT_ADDED_IN_SDRAM, (SDRAM_HANDLE,))
+    assert bench.host.fetch(NikonOperation.GET_LARGE_THUMB, SDRAM_HANDLE)[:2] == b"\xff\xd8"
+
+
+REFUSED = {
+    "another mode": (NikonOperation.CHANGE_CAMERA_MODE, (2,), ResponseCode.INVALID_PARAMETER),
+    "focus without live view": (NikonOperation.MANUAL_FOCUS_DRIVE, (1, 9), 0xA00B),
+    "another card": (Operation.GET_STORAGE_INFO, (0x20001,), ResponseCode.INVALID_STORAGE_ID),
+    "handles of another card": (
+        Operation.GET_OBJECT_HANDLES,
+        (0x20001, 0, 0),
+        ResponseCode.INVALID_STORAGE_ID,
+    ),
+    "thumbnail of a folder": (Operation.GET_THUMB, (1,), ResponseCode.NO_THUMBNAIL_PRESENT),
+    "deleting a folder": (Operation.DELETE_OBJECT, (1,), ResponseCode.OBJECT_WRITE_PROTECTED),
+    "an operation it has not": (0x9999, (), ResponseCode.OPERATION_NOT_SUPPORTED),
+    "an operation not simulated": (0x90C9, (), ResponseCode.OPERATION_NOT_SUPPORTED),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_makes_no_sense_is_refused(name: str) -> None:
+    code, parameters, expected = REFUSED[name]
+    assert Bench().host.call(code, *parameters).code == expected
+
+
+def test_formatting_empties_the_card_and_writing_to_it_is_refused() -> None:
+    bench = Bench()
+    bench.capture(CARD)
+    assert bench.host.call(Operation.FORMAT_STORE, 0x10001).code == ResponseCode.OK
+    assert bench.host.call(Operation.GET_NUM_OBJECTS, ALL, 0, 0).parameters == (2,)
+    sent = bench.host.call(Operation.SEND_OBJECT_INFO, data=b"info")
+    assert sent.code == ResponseCode.STORE_READ_ONLY
+
+
+def test_a_session_needs_a_number() -> None:
+    bench = Bench()
+    bench.host.call(Operation.CLOSE_SESSION)
+    assert not bench.responder.is_open
+    assert bench.host.call(Operation.GET_STORAGE_IDS).code == ResponseCode.SESSION_NOT_OPEN
+    assert bench.host.call(Operation.OPEN_SESSION, 0).code == ResponseCode.INVALID_PARAMETER
+    assert bench.host.call(Operation.OPEN_SESSION, 1).code == ResponseCode.OK
+
+
+def test_a_command_with_half_a_parameter_is_answered() -> None:
+    command = Container(ContainerType.COMMAND, Operation.GET_STORAGE_IDS, 9, b"\0\0")
+    refused = Container.with_parameters(
+        ContainerType.RESPONSE, ResponseCode.PARAMETER_NOT_SUPPORTED, 9
+    )
+    assert Bench().responder.handle(command) == [refused]
