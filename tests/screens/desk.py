@@ -18,13 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xcffib
-import xcffib.xproto
 from numpy.typing import NDArray
 
 OPERATOR, PROJECTOR = "DUMMY0", "DUMMY1"
 OPERATOR_PX = 1080, 1920
 START_LIMIT_S = 20.0
+Z_PIXMAP = 2
 DRIVER = Path("/usr/lib/xorg/modules/drivers/dummy_drv.so")
 PROGRAMS = ("Xorg", "xrandr", "xset")
 
@@ -107,7 +106,7 @@ class Desk:
             root = client.get_setup().roots[0].root
             size = client.core.GetGeometry(root).reply()
             place = root, 0, 0, size.width, size.height, 0xFFFFFFFF
-            request = client.core.GetImage(xcffib.xproto.ImageFormat.ZPixmap, *place)
+            request = client.core.GetImage(Z_PIXMAP, *place)
             # The reply's own parser makes a list of millions of integers.
             reply = client.wait_for_reply(request.sequence)
             length = 4 * size.width * size.height
@@ -128,6 +127,10 @@ class Desk:
 @contextmanager
 def x_client(display: str | None = None) -> Iterator[Any]:
     """A connection to an X server, by default that of ``DISPLAY``."""
+    # Loads libxcb, which a machine without a desk need not have.
+    import xcffib
+    import xcffib.xproto
+
     library: Any = xcffib
     connection = library.connect(display)
     try:

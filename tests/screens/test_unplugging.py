@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xcffib.xproto
 
 from drivers.clock import SystemClock
 from drivers.errors import ProjectorError
@@ -41,7 +40,7 @@ def test_a_change_while_the_light_settles_ends_show_within_a_second(
         changed_s.append(time.monotonic())
         desk.run("xrandr", *change)
 
-    threading.Timer(0.5, pull).start()
+    threading.Timer(0.3, pull).start()
     with pytest.raises(ProjectorError, match=reason):
         projector.show(white(desk))
     assert time.monotonic() - changed_s[0] < 1
@@ -78,7 +77,7 @@ def test_a_window_process_that_hangs_is_an_error(desk: Desk) -> None:
 
 def test_a_window_process_that_dies_is_an_error(desk: Desk) -> None:
     projector = WindowProjector("DUMMY1", 30.0, SystemClock())
-    threading.Timer(0.5, os.kill, (projector._process.pid, signal.SIGKILL)).start()
+    threading.Timer(0.3, os.kill, (projector._process.pid, signal.SIGKILL)).start()
     started_s = time.monotonic()
     with pytest.raises(ProjectorError, match="ended"):
         projector.show(white(desk))
@@ -88,9 +87,11 @@ def test_a_window_process_that_dies_is_an_error(desk: Desk) -> None:
 
 def pop_up(connection: Any) -> int:
     """A white window in the middle of the projector's picture, over all others."""
+    from xcffib.xproto import CW
+
     window = int(connection.generate_id())
     root = connection.get_setup().roots[0]
-    mask = xcffib.xproto.CW.BackPixel | xcffib.xproto.CW.OverrideRedirect
+    mask = CW.BackPixel | CW.OverrideRedirect
     place = (2200, 300, 200, 100)
     core = connection.core
     core.CreateWindow(
@@ -114,16 +115,19 @@ def test_a_window_that_pops_up_over_the_picture_is_put_behind_it(desk: Desk) -> 
 
 
 def test_a_window_that_keeps_coming_back_is_an_error(desk: Desk) -> None:
+    from xcffib.xproto import ConfigWindow, StackMode
+
     projector = WindowProjector("DUMMY1", 0.0, SystemClock())
     projector.show(white(desk))
     with x_client() as connection:
         window = pop_up(connection)
-        stack, above = xcffib.xproto.ConfigWindow.StackMode, xcffib.xproto.StackMode.Above
 
         def come_back() -> None:
             for _ in range(100):
                 projector.check()
-                connection.core.ConfigureWindow(window, stack, [above], is_checked=True).check()
+                connection.core.ConfigureWindow(
+                    window, ConfigWindow.StackMode, [StackMode.Above], is_checked=True
+                ).check()
 
         with pytest.raises(ProjectorError, match="keeps covering"):
             come_back()

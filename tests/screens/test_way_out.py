@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import xcffib.screensaver
-import xcffib.xfixes
 
 from drivers.clock import SystemClock
 from drivers.errors import ProjectorError
@@ -81,6 +79,8 @@ def test_the_gamma_ramp_is_linear_while_open_and_then_as_it_was(desk: Desk) -> N
 
 
 def saver_is_on(connection: Any) -> bool:
+    import xcffib.screensaver
+
     root = connection.get_setup().roots[0].root
     saver = connection(xcffib.screensaver.key)
     return bool(saver.QueryInfo(root).reply().state == xcffib.screensaver.State.On)
@@ -102,6 +102,8 @@ def test_the_screen_saver_is_held_off_and_then_let_go(desk: Desk) -> None:
 
 
 def test_no_cursor_is_in_the_picture_and_the_keyboard_stays_with_the_operator(desk: Desk) -> None:
+    import xcffib.xfixes
+
     with x_client() as connection:
         root = connection.get_setup().roots[0].root
         fixes = connection(xcffib.xfixes.key)
