@@ -12,10 +12,11 @@ from drivers.clock import SystemClock
 from drivers.errors import CameraError, CameraTimeoutError, DecodeError
 from drivers.media import media_type
 from drivers.protocols import CameraSettings, Clock, RawFrame
+from drivers.ptp import objects
 from drivers.ptp.body import Body, CameraState, explained
 from drivers.ptp.canon import CanonBody
 from drivers.ptp.codes import CanonOperation, NikonOperation, Operation
-from drivers.ptp.datasets import DeviceInfo
+from drivers.ptp.datasets import DeviceInfo, ObjectInfo
 from drivers.ptp.errors import (
     PtpDisconnectedError,
     PtpProtocolError,
@@ -25,6 +26,7 @@ from drivers.ptp.errors import (
 from drivers.ptp.generic import GenericBody
 from drivers.ptp.link import Link
 from drivers.ptp.nikon import NikonBody
+from drivers.ptp.objects import CameraFile
 from drivers.ptp.session import PtpSession
 
 REOPEN_PAUSE_S = 2.0
@@ -80,6 +82,17 @@ class PtpCamera:
         """JPEG files, one a frame; close the generator to end the live view."""
         with self._ready() as body:
             yield from body.live_view()
+
+    def pictures(self) -> list[tuple[int, ObjectInfo]]:
+        """Handle and description of everything on the card but folders."""
+        with self._ready():
+            return objects.pictures(self._session, objects.handles(self._session))
+
+    def fetch(self, handle: int) -> CameraFile:
+        """One of the `pictures`, whole; it stays on the card."""
+        with self._ready():
+            about = objects.info(self._session, handle)
+            return objects.download(self._session, handle, about, self._device.operations)
 
     def close(self) -> None:
         """Give control back; may be called more than once."""

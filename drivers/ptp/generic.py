@@ -8,9 +8,10 @@ from drivers.errors import CameraError, CameraTimeoutError
 from drivers.protocols import CameraSettings
 from drivers.ptp import objects
 from drivers.ptp.body import CameraState
-from drivers.ptp.codes import EventCode, Operation, Property
+from drivers.ptp.codes import EventCode, Operation, Property, ResponseCode
 from drivers.ptp.datasets import DeviceInfo
 from drivers.ptp.dials import Dials
+from drivers.ptp.errors import PtpRefusedError
 from drivers.ptp.exposure import F_NUMBER, ISO, TENTHS_OF_MILLISECONDS
 from drivers.ptp.objects import CameraFile
 from drivers.ptp.session import PtpSession
@@ -58,6 +59,8 @@ class GenericBody:
 
     def apply(self, settings: CameraSettings) -> None:
         """Set exposure time, aperture and ISO and read them back."""
+        if Operation.INITIATE_CAPTURE not in self._operations:
+            raise PtpRefusedError(Operation.INITIATE_CAPTURE, ResponseCode.OPERATION_NOT_SUPPORTED)
         dials = self._dials
         dials.turn(Property.EXPOSURE_TIME, TENTHS_OF_MILLISECONDS, settings.exposure_s, _LOCKED)
         if settings.aperture is not None:

@@ -23,6 +23,7 @@ from drivers.sim.ptp_responder.responder import Responder
 D4S = functionfs.UsbIdentity(0x04B0, 0x0435, "NIKON", "NIKON DSC D4S", "1")
 
 EVENT_POLL_S = 0.02
+JOIN_TIMEOUT_S = 2.0
 # The kernel copies each piece to memory in one block, which it finds more easily when small.
 PIECE_BYTES = 1 << 16
 SETUP = 4
@@ -40,10 +41,15 @@ class UsbGadget:
         Folder with the function's files.
     controller_file
         Where a controller's name plugs the gadget in.
+
+    Attributes
+    ----------
+    responder
+        The camera; another may take its place between two sessions.
     """
 
     def __init__(self, responder: Responder, endpoints: Path, controller_file: Path) -> None:
-        self._responder = responder
+        self.responder = responder
         self._controller_file = controller_file
         self._lock = threading.Lock()
         self._control = os.open(endpoints / "ep0", os.O_RDWR)
@@ -52,8 +58,13 @@ class UsbGadget:
         self._in, self._out, self._interrupt = (
             os.open(endpoints / name, os.O_RDWR) for name in ("ep1", "ep2", "ep3")
         )
-        for serve in (self._serve_control, self._serve_bulk, self._serve_events):
-            threading.Thread(target=serve, daemon=True).start()
+        self._is_closing = False
+        self._threads = [
+            threading.Thread(target=serve, daemon=True)
+            for serve in (self._serve_control, self._serve_bulk, self._serve_events)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def plug_in(self) -> None:
         """Connect to the machine's first controller."""
@@ -64,11 +75,20 @@ class UsbGadget:
         with suppress(OSError):
             self._controller_file.write_text("\n")
         with self._lock:
-            self._responder.reset()
+            self.responder.reset()
+
+    def close(self) -> None:
+        """Unplug and let the function's files go."""
+        self._is_closing = True
+        self.unplug()
+        for thread in self._threads:
+            thread.join(JOIN_TIMEOUT_S)
+        for file in (self._in, self._out, self._interrupt, self._control):
+            os.close(file)
 
     def _serve_control(self) -> None:
         """Answer the class requests."""
-        while True:
+        while not self._is_closing:
             kind, request, value, _, length, event = _EVENT.unpack(os.read(self._control, 12))
             if event != SETUP:
                 continue
@@ -85,7 +105,7 @@ class UsbGadget:
             os.read(self._control, length)
             if request == ClassRequest.DEVICE_RESET:
                 with self._lock:
-                    self._responder.reset()
+                    self.responder.reset()
         elif is_in:  # the wrong direction refuses the request
             os.read(self._control, 0)
         else:
@@ -94,12 +114,12 @@ class UsbGadget:
     def _serve_bulk(self) -> None:
         """Read containers, write what the camera says to them."""
         received = bytearray()
-        while True:
+        while not self._is_closing:
             try:
                 received += os.read(self._out, PIECE_BYTES)
                 for container in _containers(received):
                     with self._lock:
-                        outputs = self._responder.handle(container)
+                        outputs = self.responder.handle(container)
                     for output in outputs:
                         self._put(output)
             except OSError:  # unplugged, or not plugged in yet
@@ -107,10 +127,10 @@ class UsbGadget:
                 time.sleep(EVENT_POLL_S)
 
     def _serve_events(self) -> None:
-        while True:
+        while not self._is_closing:
             time.sleep(EVENT_POLL_S)
             with self._lock:
-                events = self._responder.due_events()
+                events = self.responder.due_events()
             for event in events:
                 with suppress(OSError):
                     os.write(self._interrupt, event.encode())
@@ -162,9 +182,11 @@ def plugged_in(responder: Responder, identity: functionfs.UsbIdentity = D4S) -> 
     """A simulated camera on the bus of a simulated controller for as long as the block runs."""
     with functionfs.mounted_function(identity) as (endpoints, controller_file):
         gadget = UsbGadget(responder, endpoints, controller_file)
-        gadget.plug_in()
-        yield gadget
-        gadget.unplug()
+        try:
+            gadget.plug_in()
+            yield gadget
+        finally:
+            gadget.close()
 
 
 def _containers(received: bytearray) -> Iterator[Container]:

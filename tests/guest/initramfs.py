@@ -25,7 +25,7 @@ MODULES = (
 )
 DIRECTORIES = ("dev", "proc", "sys", "modules", "host", "memory", "root")
 REGULAR, DIRECTORY = 0o100755, 0o040755
-# insmod finds no dependencies: the names are already in their order, so sorting restores it.
+# libusb hears of devices from udev. insmod finds no dependencies: the names are already in their order, so sorting restores it.
 INIT = """#!/busybox sh
 B=/busybox
 $B mount -t proc proc /proc
@@ -41,6 +41,7 @@ $B mount -t tmpfs run /root/run
 $B mount -t configfs config /root/sys/kernel/config
 $B ip link set lo up
 $B mount -t 9p -o trans=virtio,version=9p2000.L,msize=262144 exchange /root/mnt
+$B chroot /root /lib/systemd/systemd-udevd --daemon
 $B chroot /root /bin/sh /mnt/command > /root/mnt/log 2>&1
 echo $? > /root/mnt/status
 $B sync
