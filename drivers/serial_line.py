@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-import termios
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +17,13 @@ TRIES = 3
 WRITE_LIMIT_S = 2.0
 MAX_LINE_BYTES = 256  # longer ones are noise
 _SHOWN_BYTES = 80
+
+
+def list_serial_ports() -> list[tuple[str, str]]:
+    """Names of the serial ports of this computer and what hangs on each, as far as it tells."""
+    from serial.tools import list_ports  # noqa: PLC0415 - only a lab with a serial line needs it
+
+    return sorted((port.device, port.description) for port in list_ports.comports())
 
 
 class SerialLine:
@@ -34,12 +41,12 @@ class SerialLine:
         import serial  # noqa: PLC0415 - only a lab with a serial line needs it
 
         self.port, self.baud = port, baud
-        # termios.error is no OSError, and pyserial lets it through.
-        self._failures: tuple[type[Exception], ...] = (
-            serial.SerialException,
-            termios.error,
-            OSError,
-        )
+        self._failures: tuple[type[Exception], ...] = (serial.SerialException, OSError)
+        if sys.platform != "win32":
+            import termios  # noqa: PLC0415 - not on Windows
+
+            # termios.error is no OSError, and pyserial lets it through.
+            self._failures += (termios.error,)
         try:
             self._serial: Any = serial.Serial(
                 port, baud, timeout=0, write_timeout=WRITE_LIMIT_S, exclusive=True

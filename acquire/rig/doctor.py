@@ -10,13 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-import usb.backend.libusb1
-from serial.tools import list_ports
-
 from acquire.rig import hardware
 from drivers.errors import DriverError
 from drivers.monitors import choose_monitor
 from drivers.ptp.discovery import FoundCamera, open_camera
+from drivers.serial_line import list_serial_ports
 
 
 class Verdict(StrEnum):
@@ -109,9 +107,6 @@ def _look_at_opengl() -> Iterator[Finding]:
 
 
 def _look_at_usb() -> Iterator[Finding]:
-    if usb.backend.libusb1.get_backend() is None:
-        yield Finding("USB", Verdict.BAD, "libusb is not there: `sudo apt install libusb-1.0-0`")
-        return
     try:
         found = hardware.cameras()
     except DriverError as error:
@@ -142,15 +137,15 @@ def _look_into(camera: FoundCamera) -> Iterator[Finding]:
 
 
 def _look_at_serial_ports() -> Iterator[Finding]:
-    ports = sorted(list_ports.comports())
-    for port in ports:
-        if os.access(port.device, os.R_OK | os.W_OK):
-            yield Finding("serial port", Verdict.GOOD, f"{port.device} {port.description}")
+    ports = list_serial_ports()
+    for port, description in ports:
+        if os.name != "posix" or os.access(port, os.R_OK | os.W_OK):
+            yield Finding("serial port", Verdict.GOOD, f"{port} {description}")
         else:
             yield Finding(
                 "serial port",
                 Verdict.BAD,
-                f"{port.device} may not be opened: `sudo usermod -aG dialout $USER`, log in again",
+                f"{port} may not be opened: `sudo usermod -aG dialout $USER`, log in again",
             )
     if not ports:
         yield Finding("serial port", Verdict.NOTE, "none; only lamp control and trigger need one")
