@@ -37,7 +37,8 @@ class Row:
     estimate
         What stands for it.
     matching
-        ``named`` under its own name, ``assigned`` by best assignment, ``single pitch``.
+        ``named`` under its own name, ``assigned`` by best assignment, or max/min at the
+        ``finest pitch`` and at the ``oracle's pitch``.
     error, error_after_gains
         Relative errors; NaN where the truth is zero.
     """
@@ -145,11 +146,9 @@ def _single_pitch(
         rows = []
         for pitch in sorted(result.record.pitches, key=lambda pitch: pitch.pitch_px):
             path = pitch.direct if whole == "direct" else pitch.global_
-            label = f"{whole} at {pitch.family} {pitch.pitch_px}"
+            label = f"{pitch.family} {pitch.pitch_px} px"
             image = result.pitch_image(path)
-            rows.append(_row(whole, label, "single pitch, finest", image, target, usable))
+            rows.append(_row(whole, label, "finest pitch", image, target, usable))
         best = min(rows, key=lambda row: row.error)
         yield rows[0]
-        yield Row(
-            whole, best.estimate, "single pitch, oracle's", best.error, best.error_after_gains
-        )
+        yield Row(whole, best.estimate, "oracle's pitch", best.error, best.error_after_gains)

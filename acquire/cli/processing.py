@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -105,7 +106,7 @@ def _finite(evaluation: Evaluation) -> dict[str, object]:
 
 
 def _print_table(evaluation: Evaluation) -> None:
-    table = Table("truth", "estimate", "matched", "relative error", "after gains")
+    table = Table("truth", "estimate", "how", "error", "after gains", box=SIMPLE_HEAD)
     for row in evaluation.rows:
         table.add_row(
             row.truth,
