@@ -21,7 +21,7 @@ BULB = 0xFFFFFFFF
 _FIRST_VENDOR_OPERATION = 0x9000
 _FIRST_VENDOR_PROPERTY = 0xD000
 # How a lab leaves the body: mode dial on M, lens on MF, raw, and the settings of a first shot.
-_AT_START = {
+_AT_START: Mapping[int, int] = {
     Property.EXPOSURE_PROGRAM: MANUAL,
     Property.FOCUS_MODE: MANUAL_FOCUS,
     Property.COMPRESSION: RAW,
@@ -32,7 +32,10 @@ _AT_START = {
     NikonProperty.AF_MODE: 4,
 }
 # In M the dial reaches bulb, which the report of a body in P does not list.
-_ALSO = {Property.EXPOSURE_TIME: (BULB,), NikonProperty.SHUTTER_SPEED: (BULB,)}
+_ALSO: Mapping[int, tuple[int, ...]] = {
+    Property.EXPOSURE_TIME: (BULB,),
+    NikonProperty.SHUTTER_SPEED: (BULB,),
+}
 _TIFF = 3  # of the compression setting: the simulated body writes none
 
 
@@ -106,12 +109,12 @@ def plain() -> Body:
 
 
 def _description(code: int, facts: Mapping[str, Any]) -> PropertyDescription:
-    current = _AT_START.get(code, facts["current"])  # type: ignore[call-overload]  # IntEnum keys
+    current = _AT_START.get(code, facts["current"])
     allowed: Allowed = None
     if "range" in facts:
         allowed = Range(*facts["range"])
     elif "choices" in facts:
-        also = _ALSO.get(code, ())  # type: ignore[call-overload]  # IntEnum keys
+        also = _ALSO.get(code, ())
         values = (*facts["choices"], *also)
         if code == Property.COMPRESSION:
             values = tuple(value for value in values if value != _TIFF)

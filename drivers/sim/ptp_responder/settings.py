@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.protocols import CameraSettings
@@ -12,12 +13,11 @@ from drivers.sim.ptp_responder.answer import RefusalError
 from drivers.sim.ptp_responder.body import BULB, Body
 
 # The exposure programs in which the body lets go of a property: 1 M, 2 P, 3 A, 4 S.
-_FREE_IN = {
+_FREE_IN: Mapping[int, frozenset[int]] = {
     Property.EXPOSURE_TIME: frozenset({1, 4}),
     NikonProperty.SHUTTER_SPEED: frozenset({1, 4}),
     Property.F_NUMBER: frozenset({1, 3}),
 }
-_FREE = {int(code): programs for code, programs in _FREE_IN.items()}
 
 
 class PropertyTable:
@@ -37,9 +37,9 @@ class PropertyTable:
         description = self._descriptions.get(code)
         if description is None:
             raise RefusalError(ResponseCode.PROPERTY_NOT_SUPPORTED)
-        if code in _FREE:
+        if code in _FREE_IN:
             program = self.number(Property.EXPOSURE_PROGRAM)
-            return replace(description, is_writable=program in _FREE[code])
+            return replace(description, is_writable=program in _FREE_IN[code])
         return description
 
     def value(self, code: int) -> PropertyValue:
