@@ -92,12 +92,12 @@ class PropertyTable:
             self._descriptions[code] = replace(self._descriptions[code], current=value)
 
     def _speed_of(self, tenths_ms: int) -> int:
-        """The shutter speed that the body shows as this many 0.1 ms: it rounds down."""
+        """The shutter speed that the body shows as this many 0.1 ms, rounded down; 0 for none."""
         description = self._descriptions.get(NikonProperty.SHUTTER_SPEED)
         if description is None or not isinstance(description.allowed, Choices):
             return 0
         speeds = [speed for speed in description.allowed.values if isinstance(speed, int)]
-        return next(speed for speed in speeds if _tenths_ms(speed) == tenths_ms)
+        return next((speed for speed in speeds if _tenths_ms(speed) == tenths_ms), 0)
 
 
 def _tenths_ms(speed: int) -> int:
@@ -110,7 +110,6 @@ def _is_allowed(description: PropertyDescription, value: PropertyValue) -> bool:
         case Choices(values):
             return value in values
         case Range(minimum, maximum, step):
-            is_number = isinstance(value, int) and minimum <= value <= maximum
-            return is_number and (value - minimum) % step == 0  # type: ignore[operator]
+            return isinstance(value, int) and value in range(minimum, maximum + 1, step)
         case None:
             return True
