@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.ptp.codes import ARRAY, CanonRecord, DataType, Format, Property
@@ -49,6 +49,7 @@ def typed_values(draw: st.DrawFn) -> tuple[int, PropertyValue]:
     )
 
 
+@settings(deadline=None)
 @given(typed_values())
 def test_values_of_every_type_go_there_and_back(typed: tuple[int, PropertyValue]) -> None:
     kind, value = typed
@@ -137,16 +138,19 @@ def check_there_and_back(
             decode(encoded[:end])
 
 
+@settings(deadline=None)
 @given(device_infos)
 def test_device_info(info: DeviceInfo) -> None:
     check_there_and_back(info.encode(), DeviceInfo.decode, info)
 
 
+@settings(deadline=None)
 @given(storage_infos)
 def test_storage_info(info: StorageInfo) -> None:
     check_there_and_back(info.encode(), StorageInfo.decode, info)
 
 
+@settings(deadline=None)
 @given(object_infos)
 def test_object_info(info: ObjectInfo) -> None:
     check_there_and_back(info.encode(), ObjectInfo.decode, info)
