@@ -65,8 +65,8 @@ def open_camera(
     Parameters
     ----------
     which
-        ``usb:BUS,DEVICE``, ``ptpip:HOST`` or ``ptpip:HOST:PORT``, a serial number or the end of
-        one; None when there is only one on the USB.
+        ``usb:BUS,DEVICE``, ``ptpip:HOST`` or ``ptpip:HOST:PORT``, or a serial number; None when
+        there is only one on the USB.
     clock
         The bench's.
     backend
@@ -110,5 +110,6 @@ def _only_one(ports: list[usb.UsbPort], which: str | None) -> usb.UsbPort:
 
 
 def _has_serial(port: usb.UsbPort, which: str) -> bool:
+    """Bodies pad their number with zeros; what is engraved on them has none."""
     serial_number = port.text("serial_number")
-    return serial_number is not None and serial_number.endswith(which)
+    return serial_number is not None and serial_number.lstrip("0") == which.lstrip("0")

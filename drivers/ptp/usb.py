@@ -46,7 +46,8 @@ RESET_POLLS = 20
 RESET_POLL_S = 0.1
 CLAIM_TRIES = 4
 CLAIM_PAUSE_S = 0.5
-_CLASS_OUT, _CLASS_IN = 0x21, 0xA1
+UNPLUG_PAUSE_S = 0.5
+_CLASS_OUT, _CLASS_IN, _STANDARD_IN = 0x21, 0xA1, 0x80
 _GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ESHUTDOWN, errno.ENOENT})
 
 
@@ -359,6 +360,18 @@ class UsbLink:
         except usb.core.USBError as error:
             self._fail(error)
 
+    def _is_gone(self) -> bool:
+        """Whether the device is off the bus; the kernel needs a moment to notice.
+
+        Until then a pulled cable looks like a bad one (EIO).
+        """
+        self._clock.sleep(UNPLUG_PAUSE_S)
+        try:
+            self._device.ctrl_transfer(_STANDARD_IN, 0, 0, 0, 2, _milliseconds(CONTROL_TIMEOUT_S))
+        except usb.core.USBError as error:
+            return error.errno in _GONE
+        return False
+
     def _fail(self, error: Any) -> NoReturn:
         """Say a failure of pyusb in this package's words."""
         if isinstance(error, usb.core.USBTimeoutError) or error.errno == errno.ETIMEDOUT:
@@ -367,7 +380,7 @@ class UsbLink:
             ) from error
         if error.errno == errno.EPIPE:
             raise PtpStalledError("the camera halted its USB pipe; reset it") from error
-        if error.errno in _GONE:
+        if error.errno in _GONE or self._is_gone():
             raise PtpDisconnectedError(usb_advice.gone()) from error
         raise PtpTransportError(
             f"the USB transfer failed ({error}); check cable and hub"

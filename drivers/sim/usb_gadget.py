@@ -20,7 +20,7 @@ from drivers.sim import functionfs
 from drivers.sim.ptp_responder.answer import Cut, Output, Raw, Stall, Unplug
 from drivers.sim.ptp_responder.responder import Responder
 
-D4S = functionfs.UsbIdentity(0x04B0, 0x0435, "NIKON", "NIKON DSC D4S", "1")
+D4S = functionfs.UsbIdentity(0x04B0, 0x0435, "NIKON", "NIKON DSC D4S", "0002049001")
 
 EVENT_POLL_S = 0.02
 JOIN_TIMEOUT_S = 2.0

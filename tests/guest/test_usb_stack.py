@@ -34,7 +34,18 @@ def test_camera_and_driver_on_a_real_usb_stack(parts: machine.Parts, tmp_path: P
     served.parent.mkdir()
     served.write_bytes(random.Random(0).randbytes(OBJECT_BYTES))
     devices = ["-device", "qemu-xhci", "-device", f"usb-mtp,rootdir={served.parent}"]
-    command = [sys.executable, "-m", "pytest", "-n0", "-p", "no:cacheprovider", "--durations=10"]
+    # Compiling for an emulated processor takes longer than interpreting a small picture.
+    command = [
+        "env",
+        "NUMBA_DISABLE_JIT=1",
+        sys.executable,
+        "-m",
+        "pytest",
+        "-n0",
+        "-p",
+        "no:cacheprovider",
+        "--durations=10",
+    ]
     command += ["tests/guest/inside/usb_checks.py"]
     outcome = machine.run(parts, command, tmp_path, TIMEOUT_S, devices)
     assert outcome.status == 0, outcome.log

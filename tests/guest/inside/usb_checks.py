@@ -29,6 +29,8 @@ EXCHANGE = Path("/mnt")
 SETTINGS = CameraSettings(exposure_s=0.02, aperture=8.0, iso=200)
 ENUMERATION_S = 10.0
 NOBODY = 65534
+JPEG = b"\xff\xd8\xff" + bytes(100_000) + b"\xff\xd9"
+SERIAL = "0002049001"
 GADGET, QEMU = "04b0:0435", "46f4:0004"
 
 
@@ -73,13 +75,18 @@ def gphoto2(home: Path, *arguments: str) -> str:
 
 def test_it_is_listed_and_captures(place: str) -> None:
     found = next(camera for camera in list_cameras() if camera.address == place)
-    assert (found.name, found.serial_number) == ("NIKON DSC D4S", "1")
+    assert (found.name, found.serial_number) == ("NIKON DSC D4S", SERIAL)
     with open_camera(place) as camera:
         assert camera.device.model == "D4S"
         for _ in range(2):
             assert camera.capture(SETTINGS).data == picture(SETTINGS)[0]
+
+
+def test_live_view(gadget: UsbGadget, place: str) -> None:
+    gadget.responder = Responder(lambda _: (JPEG, "image/jpeg"))
+    with open_camera(place) as camera:
         frames = camera.live_view()
-        assert next(frames).startswith(b"\xff\xd8")
+        assert [next(frames) for _ in range(3)] == [JPEG] * 3
         frames.close()
 
 
@@ -103,7 +110,7 @@ def test_after_a_lost_shot_the_next_try_succeeds(gadget: UsbGadget, place: str, 
 
 def test_a_cable_that_is_pulled_in_mid_transfer_and_put_back(gadget: UsbGadget) -> None:
     misbehave(gadget, "unplug@1009")
-    with open_camera("1") as camera:
+    with open_camera(SERIAL) as camera:
         back = threading.Timer(2.0, gadget.plug_in)
         back.start()
         assert camera.capture(SETTINGS).data == picture(SETTINGS)[0]
@@ -112,7 +119,7 @@ def test_a_cable_that_is_pulled_in_mid_transfer_and_put_back(gadget: UsbGadget) 
 
 def test_a_cable_that_stays_out(gadget: UsbGadget) -> None:
     misbehave(gadget, "unplug@1009")
-    with open_camera("1") as camera, pytest.raises(CameraError, match="did not come back"):
+    with open_camera(SERIAL) as camera, pytest.raises(CameraError, match="did not come back"):
         camera.capture(SETTINGS)
     gadget.plug_in()
 
