@@ -29,7 +29,8 @@ from drivers.ptp.nikon import NikonBody
 from drivers.ptp.objects import CameraFile
 from drivers.ptp.session import PtpSession
 
-REOPEN_PAUSE_S = 2.0
+REOPEN_PAUSE_S = 0.5
+REOPEN_WITHIN_S = 6.0
 
 
 class PtpCamera:
@@ -138,18 +139,22 @@ class PtpCamera:
             on_failure.pop_all()
 
     def _reopen(self) -> None:
-        """Look once for a camera that was gone."""
+        """Look once more for a camera that was gone, for as long as plugging it in takes."""
         self._session.close()
         self._is_gone = True
-        self._clock.sleep(REOPEN_PAUSE_S)
-        try:
-            self._open()
-        except CameraError as error:
-            raise CameraError(
-                f"the camera is gone and did not come back ({error}); every frame before this "
-                "one is safe: make the camera ready and start the capture again to go on"
-            ) from error
-        self._is_gone = False
+        deadline_s = self._clock.now() + REOPEN_WITHIN_S
+        while self._is_gone:
+            self._clock.sleep(REOPEN_PAUSE_S)
+            try:
+                self._open()
+            except CameraError as error:
+                if self._clock.now() >= deadline_s:
+                    raise CameraError(
+                        f"the camera is gone and did not come back ({error}); every frame before "
+                        "this one is safe: make the camera ready and start the capture again"
+                    ) from error
+            else:
+                self._is_gone = False
 
     def _give_back(self) -> None:
         with contextlib.suppress(CameraError):

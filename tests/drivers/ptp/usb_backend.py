@@ -18,7 +18,6 @@ from drivers.protocols import Clock
 from drivers.ptp.codes import ClassRequest, ContainerType, ResponseCode
 from drivers.ptp.wire import HEADER_BYTES, Bytes, Container, Header
 from drivers.sim.ptp_responder.answer import Cut, Output, Raw, Stall, Unplug
-from drivers.sim.ptp_responder.responder import Responder
 
 BULK_IN, BULK_OUT, INTERRUPT_IN = 0x81, 0x02, 0x83
 
@@ -29,6 +28,14 @@ def usb_error(number: int, text: str = "") -> usb.core.USBError:
 
 def usb_timeout() -> usb.core.USBTimeoutError:
     return usb.core.USBTimeoutError("timed out", -7, errno.ETIMEDOUT)
+
+
+class Device(Protocol):
+    """A camera in the responder's role."""
+
+    def handle(self, container: Container) -> list[Output]: ...
+    def due_events(self) -> list[Container]: ...
+    def reset(self) -> None: ...
 
 
 class Pipe(Protocol):
@@ -187,7 +194,7 @@ class ResponderPipe:
 
     def __init__(
         self,
-        responder: Responder,
+        responder: Device,
         clock: Clock,
         packet_bytes: int = 512,
         splits_headers: bool = False,
