@@ -51,11 +51,12 @@ def gphoto2(
         host, port = server.address
 
         def run(*arguments: str) -> str:
-            # gphoto2 calls for events at 15740 unless it is told the second port as well.
+            # gphoto2 calls for events at 15740 unless it is told the second port as well. Its
+            # environment is bare: the wheel of the same name leaves the way to its own libraries.
             done = subprocess.run(
                 ["gphoto2", "--port", f"ptpip:{host}:{port}:{port}", *arguments],
                 cwd=tmp_path,
-                env={**os.environ, "HOME": str(tmp_path), "LC_ALL": "C"},
+                env={"PATH": os.environ["PATH"], "HOME": str(tmp_path), "LC_ALL": "C"},
                 capture_output=True,
                 text=True,
                 timeout=TIMEOUT_S,
