@@ -25,7 +25,8 @@ MODULES = (
 )
 DIRECTORIES = ("dev", "proc", "sys", "modules", "host", "memory", "root")
 REGULAR, DIRECTORY = 0o100755, 0o040755
-# libusb hears of devices from udev. insmod finds no dependencies: the names are already in their order, so sorting restores it.
+# insmod finds no dependencies, but the names are numbered in their order. libusb hears of devices
+# that are plugged in from udev.
 INIT = """#!/busybox sh
 B=/busybox
 $B mount -t proc proc /proc

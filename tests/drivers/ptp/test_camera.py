@@ -8,10 +8,24 @@ import pytest
 
 from drivers.errors import CameraError, CameraTimeoutError, SettingsError
 from drivers.protocols import CameraSettings
-from drivers.ptp.codes import NikonProperty, Property
+from drivers.ptp.codes import (
+    ContainerType,
+    NikonEvent,
+    NikonOperation,
+    NikonProperty,
+    Property,
+    ResponseCode,
+)
+from drivers.ptp.discovery import open_camera
+from drivers.ptp.transaction import Event
+from drivers.ptp.vendor_events import encode_nikon_events
+from drivers.ptp.wire import Container
+from drivers.sim.clock import SimulatedClock
+from drivers.sim.ptp_responder.answer import Output
 from drivers.sim.ptp_responder.body import plain
+from drivers.sim.ptp_responder.responder import Responder
 from tests.drivers.ptp.benches import SETTINGS, bench, picture
-from tests.drivers.ptp.usb_backend import usb_error
+from tests.drivers.ptp.usb_backend import Bus, ResponderPipe, usb_error
 
 EXPECTED, _ = picture(SETTINGS)
 
@@ -200,6 +214,37 @@ def test_a_picture_that_nobody_fetched_does_not_block_the_next() -> None:
             camera.capture(SETTINGS)
         longer = CameraSettings(0.2, 8.0, 200)
         assert camera.capture(longer).data == picture(longer)[0]
+
+
+class MirrorUp(Responder):
+    """A body whose release dial is on MUP: the first release only raises the mirror."""
+
+    def __init__(self, clock: SimulatedClock) -> None:
+        super().__init__(picture, clock=clock)
+        self.is_up = False
+        self.releases = 0
+
+    def handle(self, container: Container) -> list[Output]:
+        number = container.transaction
+        if container.code == NikonOperation.INITIATE_CAPTURE_REC_IN_MEDIA:
+            self.releases += 1
+            if self.releases == 1:
+                self.is_up = True
+                return [Container(ContainerType.RESPONSE, ResponseCode.OK, number)]
+        if container.code == NikonOperation.GET_EVENT and self.is_up:
+            self.is_up = False
+            event = encode_nikon_events([Event(NikonEvent.MIRROR_UP, (0,))])
+            response = Container(ContainerType.RESPONSE, ResponseCode.OK, number)
+            return [Container(ContainerType.DATA, container.code, number, event), response]
+        return super().handle(container)
+
+
+def test_a_mirror_that_only_goes_up_is_released_again() -> None:
+    clock = SimulatedClock()
+    body = MirrorUp(clock)
+    with open_camera(None, clock, Bus(ResponderPipe(body, clock))) as camera:
+        assert camera.capture(SETTINGS).data == EXPECTED
+    assert body.releases == 2
 
 
 @pytest.mark.parametrize("order", [(), ("jpeg-first",)], ids=["raw first", "JPEG first"])
