@@ -24,7 +24,8 @@ from drivers.ptp import objects
 from drivers.ptp.codes import ContainerType, Operation, ResponseCode
 from drivers.ptp.datasets import ObjectInfo
 from drivers.ptp.session import PtpSession
-from drivers.ptp.usb import UsbLink, find
+from drivers.ptp.usb import UsbLink
+from drivers.ptp.usb_port import find
 from drivers.ptp.wire import HEADER_BYTES, Bytes, Container, Header
 from tests.drivers.ptp.usb_backend import BULK_IN, BULK_OUT, Bus, usb_timeout
 

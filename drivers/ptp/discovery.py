@@ -8,9 +8,10 @@ from typing import Any
 from drivers.clock import SystemClock
 from drivers.errors import CameraError
 from drivers.protocols import Clock
-from drivers.ptp import ip, usb
+from drivers.ptp import ip, usb_port
 from drivers.ptp.camera import PtpCamera
 from drivers.ptp.link import Link
+from drivers.ptp.usb import UsbLink
 
 IP_PREFIX = "ptpip:"
 
@@ -53,7 +54,7 @@ def list_cameras(backend: Any = None) -> list[FoundCamera]:
             port.vendor,
             port.product,
         )
-        for port in usb.find(backend)
+        for port in usb_port.find(backend)
     ]
 
 
@@ -83,7 +84,7 @@ def open_camera(
         return PtpCamera(lambda: ip.IpLink(host, port), clock)
 
     def connect() -> Link:
-        return usb.UsbLink(_only_one(usb.find(backend), which), clock)
+        return UsbLink(_only_one(usb_port.find(backend), which), clock)
 
     return PtpCamera(connect, clock)
 
@@ -95,7 +96,7 @@ def _endpoint(text: str) -> tuple[str, int]:
     return host, int(port) if port else ip.PORT
 
 
-def _only_one(ports: list[usb.UsbPort], which: str | None) -> usb.UsbPort:
+def _only_one(ports: list[usb_port.UsbPort], which: str | None) -> usb_port.UsbPort:
     if which is not None:
         ports = [port for port in ports if which == port.address_text or _has_serial(port, which)]
     if len(ports) == 1:
@@ -109,7 +110,7 @@ def _only_one(ports: list[usb.UsbPort], which: str | None) -> usb.UsbPort:
     )
 
 
-def _has_serial(port: usb.UsbPort, which: str) -> bool:
+def _has_serial(port: usb_port.UsbPort, which: str) -> bool:
     """Bodies pad their number with zeros; what is engraved on them has none."""
     serial_number = port.text("serial_number")
     return serial_number is not None and serial_number.lstrip("0") == which.lstrip("0")

@@ -17,7 +17,8 @@ from drivers.ptp.codes import ClassRequest, Operation, ResponseCode
 from drivers.ptp.discovery import list_cameras
 from drivers.ptp.errors import PtpDisconnectedError, PtpTimeoutError
 from drivers.ptp.session import PtpSession
-from drivers.ptp.usb import UsbLink, find
+from drivers.ptp.usb import UsbLink
+from drivers.ptp.usb_port import find
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
