@@ -1,0 +1,241 @@
+"""Which place on the projector's raster each camera pixel sees, decoded from the patterns.
+
+The phase of Z⁺ and Z⁻ (`processing.harmonics`) of every pitch P is π/P times y + x and y − x (or
+y, x alone for patterns that vary along one direction), plus a constant. One pitch tells the place
+modulo 2P; all together are unambiguous over any projector:
+
+1. coarse: the t that maximises Σ_P Re(Z_P e^{−iπt/P}) on a lattice a quarter of the finest
+   period wide, then Newton steps on that sum;
+2. fine: least squares of the phases against those of `ResponseTables`, which know the
+   harmonics that few shifts mix up. Phases are weighted by (π/P)² and amplitude: light that
+   travelled bends the phases of wide pitches.
+
+The colours of a mosaic see places half a camera pixel apart: the fine step is repeated for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from processing.harmonics import PitchDesign
+from processing.response import BINS_PER_PX, ResponseTables, carrier
+
+_NEWTON_STEPS = 4
+_JOINT_STEPS = 4
+_COLOUR_STEPS = 4
+_LONGEST_STEP_PX = 1.0
+# Holds a colour to the place of all, relative to its phases: for colours that are nearly black.
+_COLOUR_PRIOR = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Correspondence:
+    """Places that n camera pixels see.
+
+    Parameters
+    ----------
+    place_px
+        float64, (2, n, colours): y and x, counted from the upper and left edge of the
+        projector's raster (the centre of its first pixel is at ½), of each colour; 0 along a
+        direction in which no pattern varies.
+    coherence
+        float64, (n,): share of the harmonics' amplitude that agrees on one place, in [−1, 1].
+        A pixel across a depth edge sees two places and stays below about 0.9.
+    """
+
+    place_px: NDArray[np.float64]
+    coherence: NDArray[np.float64]
+
+
+def decode(
+    harmonics: NDArray[np.complex64],
+    designs: Sequence[PitchDesign],
+    tables: Sequence[ResponseTables],
+    projector_px: tuple[int, int],
+) -> Correspondence:
+    """Decode n pixels.
+
+    Parameters
+    ----------
+    harmonics
+        complex, (pitches, 2, n, colours): Z⁺ and Z⁻, constant light subtracted.
+    designs
+        One for each pitch.
+    tables
+        One for each colour.
+    projector_px
+        (height, width) of the projector.
+    """
+    together = harmonics.sum(axis=-1)
+    rough, coherence = _coarse(together, designs, projector_px)
+    colours = harmonics.shape[-1]
+    middle = tables[colours // 2]
+    joint = _fine(together, middle, rough, 0.0, _JOINT_STEPS)
+    places = np.empty((2, together.shape[-1], colours))
+    for colour, table in enumerate(tables):
+        one = np.ascontiguousarray(harmonics[..., colour])
+        places[..., colour] = joint
+        if colours > 1:
+            places[..., colour] = _fine(one, table, joint, _COLOUR_PRIOR, _COLOUR_STEPS)
+    return Correspondence(places, coherence)
+
+
+def _coarse(
+    harmonics: NDArray[np.complexfloating],
+    designs: Sequence[PitchDesign],
+    projector_px: tuple[int, int],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(2, n) places to a fraction of a pixel, and their coherence."""
+    height, width = projector_px
+    both = [
+        k for k, one in enumerate(designs) if one.family.varies_down and one.family.varies_right
+    ]
+    down = [k for k, one in enumerate(designs) if not one.family.varies_right]
+    right = [k for k, one in enumerate(designs) if not one.family.varies_down]
+    n_pixels = harmonics.shape[-1]
+    places = np.zeros((2, n_pixels))
+    if both:
+        chosen = [designs[k] for k in both]
+        turned = np.array([carrier(one, down=True) * carrier(one, down=False) for one in chosen])
+        total, first = _search(harmonics[both, 0], turned, chosen, (0, height + width))
+        straight = np.ones(len(chosen))
+        difference, second = _search(harmonics[both, 1], straight, chosen, (-width, height))
+        places[0], places[1] = (total + difference) / 2, (total - difference) / 2
+        return places, np.minimum(first, second)
+    coherence = np.ones(n_pixels)
+    for axis, members, extent in ((0, down, height), (1, right, width)):
+        if members:
+            chosen = [designs[k] for k in members]
+            turned = np.array([carrier(one, down=axis == 0) for one in chosen])
+            places[axis], agreed = _search(harmonics[members, 0], turned, chosen, (0, extent))
+            coherence = np.minimum(coherence, agreed)
+    return places, coherence
+
+
+def _search(
+    harmonics: NDArray[np.complexfloating],
+    constants: NDArray[np.complexfloating] | NDArray[np.floating],
+    designs: Sequence[PitchDesign],
+    span_px: tuple[int, int],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Place along one direction, (n,), and coherence."""
+    rates = np.pi / np.array([one.pitch_px for one in designs], np.float64)
+    step_px = np.pi / rates.max() / 2
+    lattice = np.arange(span_px[0], span_px[1] + step_px, step_px)
+    waves = np.exp(1j * np.outer(lattice, rates))
+    phasors = np.conj(harmonics / constants[:, np.newaxis]).astype(np.complex128)
+    return _best_places(np.ascontiguousarray(phasors.T), waves, lattice, rates)  # type: ignore[no-any-return]
+
+
+def _fine(
+    harmonics: NDArray[np.complexfloating],
+    tables: ResponseTables,
+    start: NDArray[np.float64],
+    prior: float,
+    steps: int,
+) -> NDArray[np.float64]:
+    """(2, n) places from the tables; `prior` holds the start, relative to the phases' weight."""
+    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0)).astype(np.complex128)
+    return _refine(  # type: ignore[no-any-return]
+        pixels,
+        np.ascontiguousarray(tables.down[:, 0]),
+        np.ascontiguousarray(tables.right[:, 0]),
+        tables.down_slope,
+        tables.right_slope,
+        tables.first,
+        tables.pitch_px,
+        start,
+        prior,
+        steps,
+    )
+
+
+@njit(parallel=True, cache=True)
+def _best_places(phasors, waves, lattice, rates):  # type: ignore[no-untyped-def]
+    """Lattice search and Newton steps on Σ Re(phasor · e^{−i rate t}), pixel by pixel."""
+    n_pixels, n_rates = phasors.shape
+    places, coherence = np.zeros(n_pixels), np.zeros(n_pixels)
+    cosines, sines = waves.real.copy(), waves.imag.copy()
+    for i in prange(n_pixels):
+        real, imaginary = phasors[i].real.copy(), phasors[i].imag.copy()
+        sizes = np.abs(phasors[i])
+        best, place = -np.inf, 0.0
+        for j in range(len(lattice)):
+            score = 0.0
+            for k in range(n_rates):
+                score += real[k] * cosines[j, k] + imaginary[k] * sines[j, k]
+            if score > best:
+                best, place = score, lattice[j]
+        curvature = max(np.sum(rates**2 * sizes), 1e-30)
+        for _ in range(_NEWTON_STEPS):
+            slope = 0.0
+            for k in range(n_rates):
+                angle = rates[k] * place
+                slope += rates[k] * (imaginary[k] * np.cos(angle) - real[k] * np.sin(angle))
+            place += slope / curvature
+        agreed = 0.0
+        for k in range(n_rates):
+            agreed += real[k] * np.cos(rates[k] * place) + imaginary[k] * np.sin(rates[k] * place)
+        places[i] = place
+        coherence[i] = agreed / max(sizes.sum(), 1e-30)
+    return places, coherence
+
+
+@njit(inline="always")
+def _look_up(table, first, period_px, place_px):  # type: ignore[no-untyped-def]
+    """T at a place, linear between bins."""
+    at = (place_px % period_px) * BINS_PER_PX
+    bin_ = int(at)
+    part = at - bin_
+    return table[first + bin_] * (1 - part) + table[first + bin_ + 1] * part
+
+
+@njit(parallel=True, cache=True)
+def _refine(  # type: ignore[no-untyped-def]
+    harmonics, down, right, down_slope, right_slope, first, pitch_px, start, prior, steps
+):
+    """Gauss–Newton on weighted phases, with slopes of T taken over a pixel."""
+    n_pixels, n_pitches, _ = harmonics.shape
+    places = start.copy()
+    for i in prange(n_pixels):
+        for _ in range(steps):
+            yy, yx, xx, gy, gx = 1e-30, 0.0, 1e-30, 0.0, 0.0
+            for k in range(n_pitches):
+                period = 2 * pitch_px[k]
+                y, x = places[0, i], places[1, i]
+                at_y = _look_up(down, first[k], period, y)
+                at_x = _look_up(right, first[k], period, x)
+                slope_y = _look_up(down_slope, first[k], period, y)
+                slope_x = _look_up(right_slope, first[k], period, x)
+                rate2 = (np.pi / pitch_px[k]) ** 2
+                for sign in range(2):
+                    expected = at_y * (at_x if sign == 0 else np.conj(at_x))
+                    along_x = slope_x if sign == 0 else -slope_x
+                    seen = harmonics[i, k, sign]
+                    phase = np.angle(seen * np.conj(expected))
+                    weight = rate2 * np.abs(seen) * np.abs(expected)
+                    yy += weight * slope_y * slope_y
+                    yx += weight * slope_y * along_x
+                    xx += weight * along_x * along_x
+                    gy += weight * slope_y * phase
+                    gx += weight * along_x * phase
+            hold = prior * (yy + xx)
+            gy += hold * (start[0, i] - places[0, i])
+            gx += hold * (start[1, i] - places[1, i])
+            yy += hold
+            xx += hold
+            determinant = yy * xx - yx * yx
+            if determinant > 1e-12 * (yy + xx) ** 2:
+                step_y = (xx * gy - yx * gx) / determinant
+                step_x = (yy * gx - yx * gy) / determinant
+            else:
+                step_y = gy / yy if yy > 1e-20 else 0.0
+                step_x = gx / xx if xx > 1e-20 else 0.0
+            places[0, i] += min(max(step_y, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
+            places[1, i] += min(max(step_x, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
+    return places

@@ -1,0 +1,226 @@
+"""Frames of one pitch as two complex images, gathered while the frames are streamed.
+
+A frame with shift (d, r) adds f·e^{iπd/P}·e^{±iπr/P} to two complex sums,
+
+    Z⁺ = Σ f e^{iπ(d + r)/P},    Z⁻ = Σ f e^{iπ(d − r)/P}.
+
+They are, for a checker, its strongest harmonics along both diagonals: with the projector
+coordinate (y, x) of a camera pixel known, what every frame ought to have added is known too, and
+the correlation of all frames with the decoded pattern follows from Z⁺ and Z⁻ alone
+(`processing.response`). For stripes and sinusoids, which vary along one direction, Z⁻ is Z⁺ with
+d or r absent, and nothing changes.
+
+A set of shifts that is no full grid is handled by least squares: the weights are those of the
+fit of 1, cos·cos, cos·sin, sin·cos and sin·sin over the shifts instead of the plain sums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.patterns import Family, Pattern, balanced
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class PitchDesign:
+    """How the frames of one family and pitch are combined.
+
+    Parameters
+    ----------
+    family, pitch_px
+        Of all the patterns.
+    patterns
+        In no particular order, no two alike.
+    weights
+        float64, (frames, 4): real and imaginary part of Z⁺, then of Z⁻.
+    null
+        float64, (frames,), a combination that no light can reach: frames of complementary
+        patterns have equal weight, the weights add up to 0 and their squares to 1. None where
+        fewer than two complementary pairs exist.
+    is_grid
+        The shifts are all pairs of some shifts down and some to the right.
+    is_balanced
+        The mean over the frames is half of white.
+    """
+
+    family: Family
+    pitch_px: int
+    patterns: tuple[Pattern, ...]
+    weights: NDArray[np.float64]
+    null: NDArray[np.float64] | None
+    is_grid: bool
+    is_balanced: bool
+
+    @classmethod
+    def of(cls, patterns: Sequence[Pattern]) -> PitchDesign:
+        """The design for patterns of one family and pitch."""
+        if not patterns:
+            raise ValueError("a pitch has no patterns")
+        kinds = {(pattern.family, pattern.pitch_px) for pattern in patterns}
+        if len(kinds) > 1 or patterns[0].family.is_reference:
+            raise ValueError(f"a pitch has patterns of one family and pitch, not {sorted(kinds)}")
+        if len(set(patterns)) < len(patterns):
+            raise ValueError(f"{patterns[0].family}:{patterns[0].pitch_px} lists a shift twice")
+        family, pitch_px = next(iter(kinds))
+        down_px = np.array([pattern.shift_y_px for pattern in patterns])
+        right_px = np.array([pattern.shift_x_px for pattern in patterns])
+        is_grid = len(set(down_px)) * len(set(right_px)) == len(patterns)
+        return cls(
+            family=family,
+            pitch_px=pitch_px,
+            patterns=tuple(patterns),
+            weights=_weights(family, down_px, right_px, pitch_px, is_grid),
+            null=_null_weights(patterns),
+            is_grid=is_grid,
+            is_balanced=balanced(patterns),
+        )
+
+    @property
+    def offset(self) -> NDArray[np.float64]:
+        """(4,): what a pixel under the constant light 1 adds to Z⁺ and Z⁻."""
+        total: NDArray[np.float64] = self.weights.sum(axis=0)
+        return total
+
+
+def _weights(
+    family: Family,
+    down_px: NDArray[np.int_],
+    right_px: NDArray[np.int_],
+    pitch_px: int,
+    is_grid: bool,
+) -> NDArray[np.float64]:
+    down, right = np.pi * down_px / pitch_px, np.pi * right_px / pitch_px
+    sums = np.exp(1j * np.stack([down + right, down - right], axis=1))
+    if is_grid:
+        split: NDArray[np.float64] = sums.view(np.float64)
+        return split
+    products = np.stack(
+        [
+            np.ones_like(down),
+            np.cos(down) * np.cos(right),
+            np.cos(down) * np.sin(right),
+            np.sin(down) * np.cos(right),
+            np.sin(down) * np.sin(right),
+        ]
+    )
+    unknowns = np.linalg.matrix_rank(products)
+    needed = 5 if family is Family.CHECKER else 3
+    if unknowns < needed:
+        raise ValueError(
+            f"{family}:{pitch_px} has {len(down_px)} shifts that fix {unknowns} of {needed} "
+            "unknowns of a pixel; add shifts in the directions in which it varies"
+        )
+    # Scaled as the sums over a grid are, so that noise weighs alike: n/4 (n/2 in one direction).
+    _, cc, cs, sc, ss = np.linalg.pinv(products).T * (len(down_px) / (4 if needed == 5 else 2))
+    return np.stack([cc - ss, cs + sc, cc + ss, sc - cs], axis=1)
+
+
+def _null_weights(patterns: Sequence[Pattern]) -> NDArray[np.float64] | None:
+    """Signs that alternate from one complementary pair to the next."""
+    index = {_form(pattern, 0): k for k, pattern in enumerate(patterns)}
+    pairs = [
+        (k, index[_form(pattern, pattern.pitch_px)])
+        for k, pattern in enumerate(patterns)
+        if index.get(_form(pattern, pattern.pitch_px), -1) > k
+    ]
+    pairs = pairs[: len(pairs) // 2 * 2]
+    if not pairs:
+        return None
+    null = np.zeros(len(patterns))
+    for sign, (first, second) in enumerate(pairs):
+        null[[first, second]] = 1.0 if sign % 2 else -1.0
+    scaled: NDArray[np.float64] = null / np.sqrt(np.sum(null**2))
+    return scaled
+
+
+def _form(pattern: Pattern, advance_px: int) -> tuple[int, int]:
+    """Shifts that give one and the same pattern, after an advance that complements it."""
+    period_px = 2 * pattern.pitch_px
+    down, right = pattern.shift_y_px, pattern.shift_x_px
+    if pattern.family.varies_down:
+        down += advance_px
+    else:
+        right += advance_px
+    down, right = down % period_px, right % period_px
+    if pattern.family is Family.CHECKER and right >= pattern.pitch_px:
+        down, right = (down + pattern.pitch_px) % period_px, right - pattern.pitch_px
+    return down, right
+
+
+class PitchHarmonics:
+    """Running sums over the frames of one pitch.
+
+    Held are six images of the frames' shape, whatever the number of frames: four of Z⁺ and Z⁻,
+    their mean and the null combination.
+
+    Parameters
+    ----------
+    design
+        What is going to be added.
+    shape
+        (height, width, colours) of the frames.
+    out
+        float32, (4, height, width, colours), where Z⁺ and Z⁻ are gathered; may be mapped from a
+        file.
+    """
+
+    def __init__(
+        self, design: PitchDesign, shape: tuple[int, int, int], out: Image | None = None
+    ) -> None:
+        self.design = design
+        self.harmonics = np.zeros((4, *shape), np.float32) if out is None else out
+        if self.harmonics.shape != (4, *shape):
+            raise ValueError(f"out has shape {self.harmonics.shape}, not {(4, *shape)}")
+        self.harmonics[:] = 0
+        self.total = np.zeros(shape, np.float32)
+        self.null = np.zeros(shape, np.float32)
+        self._waiting = {pattern: k for k, pattern in enumerate(design.patterns)}
+
+    @property
+    def is_complete(self) -> bool:
+        """Every pattern of the design was added."""
+        return not self._waiting
+
+    def add(self, frame: Image, pattern: Pattern) -> None:
+        """Take in the frame of one pattern.
+
+        Parameters
+        ----------
+        frame
+            float32, (height, width, colours), linear, black subtracted.
+        pattern
+            One of the design that was not added before.
+        """
+        if frame.shape != self.total.shape:
+            raise ValueError(f"frame has shape {frame.shape}, the others {self.total.shape}")
+        if pattern not in self._waiting:
+            raise ValueError(f"{pattern} is not among the frames still expected of this pitch")
+        k = self._waiting.pop(pattern)
+        null = 0.0 if self.design.null is None else self.design.null[k]
+        _accumulate(
+            np.ascontiguousarray(frame, np.float32).reshape(-1),
+            np.append(self.design.weights[k], null).astype(np.float32),
+            self.harmonics.reshape(4, -1),
+            self.total.reshape(-1),
+            self.null.reshape(-1),
+        )
+
+
+@numba.njit(parallel=True, cache=True)
+def _accumulate(frame, weights, harmonics, total, null):  # type: ignore[no-untyped-def]
+    """One read of a frame feeds all six sums."""
+    for i in numba.prange(frame.size):
+        value = frame[i]
+        harmonics[0, i] += weights[0] * value
+        harmonics[1, i] += weights[1] * value
+        harmonics[2, i] += weights[2] * value
+        harmonics[3, i] += weights[3] * value
+        total[i] += value
+        null[i] += weights[4] * value

@@ -1,0 +1,125 @@
+"""Blur and noise of a whole capture, measured on its own frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.blur import Blur, further_blur
+from processing.correspondence import decode
+from processing.gathering import HarmonicsStack
+from processing.range_fit import slopes
+from processing.response import ResponseTables
+
+Image = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+_BLUR_ROUNDS = 3
+# First guess: a sharp picture.
+_SHARP_PX2 = 0.3
+# Darker pixels, relative to the brightest, say nothing about blur.
+_BRIGHT_FRACTION = 0.05
+_BINS = 32
+
+BLUR_UNSURE = (
+    "the blur of projector and camera could not be told from scattering: pitches that should "
+    "show the same blur disagree, or too few are resolved; measure the blur on a board, and until "
+    "then take direct light and subsurface scattering for estimates"
+)
+NOISE_UNKNOWN = (
+    "no pitch holds complementary pairs of frames, so the noise is unknown; the standard errors "
+    "hold the misfit of the model alone"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Some pixels that stand for the picture.
+
+    Parameters
+    ----------
+    harmonics
+        complex64, (pitches, 2, n, colours), constant light subtracted.
+    white
+        float32, (n, colours).
+    """
+
+    harmonics: NDArray[np.complex64]
+    white: Image
+
+
+def measured_blur(
+    stack: HarmonicsStack, sample: Sample
+) -> tuple[tuple[Blur, ...], tuple[str, ...]]:
+    """Blur of each colour, and a warning where it cannot be trusted.
+
+    Places are decoded and slopes corrected with the blur found so far, three times over.
+    """
+    blur = [Blur(_SHARP_PX2) for _ in range(sample.white.shape[1])]
+    bright = sample.white > _BRIGHT_FRACTION * np.percentile(sample.white, 99.5)
+    unsure = False
+    for _ in range(_BLUR_ROUNDS):
+        tables = [ResponseTables.of(stack.designs, [0.0], one.side_px2) for one in blur]
+        places = decode(sample.harmonics, stack.designs, tables, stack.projector_px)
+        unsure = False
+        for colour, (one, table) in enumerate(zip(blur, tables, strict=True)):
+            lit = bright[:, colour]
+            seen = places.place_px[:, lit, colour]
+            measured = slopes(sample.harmonics[:, :, lit, colour], seen, table, one)
+            white = sample.white[lit, colour].astype(np.float64)
+            further, confirmed = further_blur(measured, table.pitch_px, white)
+            unsure |= not confirmed
+            if not np.isnan(further).any():
+                blur[colour] = one.widened(further)
+    return tuple(blur), (BLUR_UNSURE,) if unsure else ()
+
+
+def noise_lines(variance: Image | None, white: Image, mask: NDArray[np.bool_]) -> Array:
+    """Variance of a frame's noise against white, a line for each colour.
+
+    Shot noise grows with the light, read noise does not; both are ≥ 0.
+
+    Parameters
+    ----------
+    variance
+        float32, (height, width, colours), noisy estimates pixel by pixel; None where unknown.
+    white
+        float32, (height, width, colours).
+    mask
+        bool, (height, width), True where a pixel counts.
+
+    Returns
+    -------
+    (colours, 2): variance at white 0, and its rise with white; NaN where unknown.
+    """
+    colours = white.shape[2]
+    if variance is None:
+        return np.full((colours, 2), np.nan)
+    return np.array(
+        [_line(white[mask][:, c], variance[mask][:, c]) for c in range(colours)], np.float64
+    )
+
+
+def _line(light: Image, variance: Image) -> tuple[float, float]:
+    """Least squares through the means of bins that hold equally many pixels."""
+    order = np.array_split(np.argsort(light), min(_BINS, len(light)))
+    at = np.array([light[part].mean(dtype=np.float64) for part in order])
+    mean = np.array([variance[part].mean(dtype=np.float64) for part in order])
+    if np.ptp(at) == 0:
+        return float(mean.mean()), 0.0
+    slope, constant = np.polyfit(at, mean, 1)
+    if slope < 0:
+        return float(mean.mean()), 0.0
+    if constant < 0:
+        return 0.0, float(mean.sum() / at.sum())
+    return float(constant), float(slope)
+
+
+def tables_for(
+    stack: HarmonicsStack, blur: Sequence[Blur], spread_px: Array
+) -> tuple[ResponseTables, ...]:
+    """Tables of all spreads, one for each colour."""
+    return tuple(ResponseTables.of(stack.designs, spread_px, one.side_px2) for one in blur)

@@ -1,0 +1,292 @@
+"""Fit of the ranges of light to many pixels at once: correlation with the pattern, then spectrum.
+
+With Z the harmonics of a pixel and Z_r those that light of spread r from its place would have,
+the correlation slope of the frames with the decoded pattern, and the response of each spread, are
+
+    D(P) = 2 Re⟨Z_0, Z⟩ / ⟨Z_0, Z_0⟩,    A_r(P) = Re⟨Z_0, Z_r⟩ / ⟨Z_0, Z_0⟩,
+
+with ⟨·,·⟩ over Z⁺ and Z⁻. D(P) has the variance gain·σ²/⟨Z_0, Z_0⟩ from noise of variance σ² in
+a frame; to it is added that of the model, a fixed part of white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from processing.accounts import Account
+from processing.blur import Blur
+from processing.harmonics import PitchDesign
+from processing.response import BINS_PER_PX, ResponseTables
+from processing.spectrum import solve_spectrum
+
+Array = NDArray[np.float64]
+
+# Standard deviation of D/white that footprints, interpolation and the dictionary leave: on a
+# board, which has direct light alone, D is off by 0.3 to 2 %.
+MODEL_ERROR = 0.01
+# The total is held to white this many times tighter than a row, then scaled to it exactly.
+_TOTAL_WEIGHT = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class AccountFit:
+    """One account fitted to n pixels of one colour.
+
+    Parameters
+    ----------
+    amounts
+        float64, (n, ranges + 1), ≥ 0, adding up to white; the last has infinite range.
+    direct_light, subsurface
+        float64, (n,).
+    deviations
+        float64, (n, 3): standard errors of direct light, subsurface scattering and the rest.
+    chi2
+        float64, (n,), of the rows.
+    """
+
+    amounts: Array
+    direct_light: Array
+    subsurface: Array
+    deviations: Array
+    chi2: Array
+
+
+def slope_noise_gain(design: PitchDesign) -> float:
+    """Variance of D, times ⟨Z_0, Z_0⟩, for frames of unit variance.
+
+    In a grid over both directions Z⁺ and Z⁻ have independent noise, of variance n/2 for n frames
+    in each real part; along one direction they hold the same noise.
+    """
+    both = design.family.varies_down and design.family.varies_right
+    return (2.0 if both else 4.0) * len(design.patterns)
+
+
+def slopes(
+    harmonics: NDArray[np.complex64], places: Array, tables: ResponseTables, blur: Blur
+) -> Array:
+    """D of both diagonals apart, (n, pitches, 2).
+
+    Parameters
+    ----------
+    harmonics
+        (pitches, 2, n) of one colour, constant light subtracted.
+    places
+        (2, n), see `processing.correspondence.Correspondence`.
+    tables, blur
+        Of this colour.
+    """
+    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
+    return _slopes(  # type: ignore[no-any-return]
+        pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
+        blur.diagonal_gain(tables.pitch_px),
+    )  # fmt: skip
+
+
+def fit_places(
+    harmonics: NDArray[np.complex64],
+    places: Array,
+    tables: ResponseTables,
+    blur: Blur,
+    accounts: tuple[Account, Account],
+    white: Array,
+    variance: Array,
+    noise_gains: Array,
+) -> tuple[AccountFit, AccountFit]:
+    """Fit two accounts where the places are known.
+
+    Parameters
+    ----------
+    harmonics, places, tables, blur
+        As for `slopes`.
+    accounts
+        The ranges.
+    white
+        (n,).
+    variance
+        (n,), of the noise of a frame.
+    noise_gains
+        (pitches,), `slope_noise_gain`.
+    """
+    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
+    one, other = accounts
+    fitted = _fit_places(
+        pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
+        blur.diagonal_gain(tables.pitch_px), one.mixtures, other.mixtures, one.subsurface,
+        other.subsurface, white, variance, noise_gains,
+    )  # fmt: skip
+    return _result(fitted[:3]), _result(fitted[3:])
+
+
+def fit_rows(
+    rows: Array, responses: Array, account: Account, white: Array, variance: Array
+) -> AccountFit:
+    """Fit an account to rows of direct light that were found without places.
+
+    Parameters
+    ----------
+    rows
+        (n, pitches), D.
+    responses
+        (pitches, spreads), the same for every pixel.
+    account
+        The ranges.
+    white
+        (n,).
+    variance
+        (n, pitches), of the noise of D.
+    """
+    return _result(
+        _fit_rows(rows, responses @ account.mixtures, account.subsurface, white, variance)
+    )
+
+
+def _result(fitted: tuple[Array, Array, Array]) -> AccountFit:
+    amounts, parts, chi2 = fitted
+    return AccountFit(amounts, parts[:, 0], parts[:, 1], parts[:, 2:], chi2)
+
+
+@njit(cache=True)
+def _expected(down, right, first, pitch, y, x, spread):  # type: ignore[no-untyped-def]
+    """T(y) and T(x) of a spread, linear between bins."""
+    at_y, at_x = (y % (2 * pitch)) * BINS_PER_PX, (x % (2 * pitch)) * BINS_PER_PX
+    bin_y, bin_x = int(at_y), int(at_x)
+    part_y, part_x = at_y - bin_y, at_x - bin_x
+    bin_y, bin_x = bin_y + first, bin_x + first
+    along_y = down[bin_y, spread] * (1 - part_y) + down[bin_y + 1, spread] * part_y
+    along_x = right[bin_x, spread] * (1 - part_x) + right[bin_x + 1, spread] * part_x
+    return along_y, along_x
+
+
+@njit(parallel=True, cache=True)
+def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
+    n_pixels, n_pitches, _ = harmonics.shape
+    found = np.zeros((n_pixels, n_pitches, 2))
+    for i in prange(n_pixels):
+        for k in range(n_pitches):
+            at_y, at_x = _expected(
+                down, right, first[k], pitch_px[k], places[0, i], places[1, i], 0
+            )
+            plus, minus = at_y * at_x * gain[k], at_y * np.conj(at_x) / gain[k]
+            for sign, one in enumerate((plus, minus)):
+                seen = harmonics[i, k, sign]
+                found[i, k, sign] = 2 * (seen * np.conj(one)).real / max(np.abs(one) ** 2, 1e-12)
+    return found
+
+
+@njit(cache=True)
+def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore[no-untyped-def]
+    """D and ⟨Z_0, Z_0⟩ of one pitch; fills the responses of all spreads."""
+    at_y, at_x = _expected(down, right, first, pitch, y, x, 0)
+    plus, minus = at_y * at_x * gain, at_y * np.conj(at_x) / gain
+    energy = max(np.abs(plus) ** 2 + np.abs(minus) ** 2, 1e-12)
+    slope = 2 * ((seen[0] * np.conj(plus)).real + (seen[1] * np.conj(minus)).real) / energy
+    response[0] = 1.0
+    for r in range(1, len(response)):
+        at_y, at_x = _expected(down, right, first, pitch, y, x, r)
+        both = (at_y * at_x * np.conj(plus)).real * gain
+        both += (at_y * np.conj(at_x) * np.conj(minus)).real / gain
+        response[r] = both / energy
+    return slope, energy
+
+
+@njit(cache=True)
+def _add_row(gram, moment, row, value, variance):  # type: ignore[no-untyped-def]
+    for a in range(len(row)):
+        moment[a] += row[a] * value / variance
+        for b in range(len(row)):
+            gram[a, b] += row[a] * row[b] / variance
+
+
+@njit(cache=True)
+def _solve(gram, moment, square, white, subsurface, degrees, amounts, parts):  # type: ignore[no-untyped-def]
+    """Hold the total to white, solve, share out; χ² of the rows."""
+    n = len(moment)
+    weight = (_TOTAL_WEIGHT / max(white, 1e-12)) ** 2
+    held, pull = gram + weight, moment + weight * white
+    inverse = np.zeros((n, n))
+    solve_spectrum(held, pull, amounts, inverse)
+    chi2 = square - 2 * np.dot(moment, amounts) + np.dot(amounts, gram @ amounts)
+    total = amounts.sum()
+    amounts *= white / total if total > 0 else 0.0
+    first, end = subsurface
+    parts[0] = amounts[0]
+    parts[1] = amounts[first:end].sum()
+    scatter = inverse[first:end, first:end].sum()
+    crossed = inverse[0, first:end].sum()
+    # An amount held at 0 has no variance of its own; that of the row it is nearest to stands in.
+    least = 1 / max(held[0, 0], 1e-300)
+    inflation = max(chi2 / degrees, 1.0)
+    parts[2] = np.sqrt(inflation * max(inverse[0, 0], least))
+    parts[3] = np.sqrt(inflation * max(scatter, 0.0))
+    parts[4] = np.sqrt(inflation * max(inverse[0, 0] + scatter + 2 * crossed, least))
+    return chi2
+
+
+@njit(parallel=True, cache=True)
+def _fit_places(  # type: ignore[no-untyped-def]
+    harmonics, places, down, right, first, pitch_px, gain, mixtures, others, subsurface,
+    other_subsurface, white, variance, noise_gains,
+):  # fmt: skip
+    n_pixels, n_pitches, _ = harmonics.shape
+    n_spreads, n_ranges = mixtures.shape
+    n_others = others.shape[1]
+    amounts, other_amounts = np.zeros((n_pixels, n_ranges + 1)), np.zeros((n_pixels, n_others + 1))
+    parts, other_parts = np.zeros((n_pixels, 5)), np.zeros((n_pixels, 5))
+    chi2, other_chi2 = np.zeros(n_pixels), np.zeros(n_pixels)
+    degrees = max(n_pitches - 4, 1)
+    for i in prange(n_pixels):
+        gram, moment = np.zeros((n_ranges + 1, n_ranges + 1)), np.zeros(n_ranges + 1)
+        other_gram, other_moment = np.zeros((n_others + 1, n_others + 1)), np.zeros(n_others + 1)
+        response = np.zeros(n_spreads)
+        row, other_row = np.zeros(n_ranges + 1), np.zeros(n_others + 1)
+        square = 0.0
+        for k in range(n_pitches):
+            slope, energy = _row(
+                harmonics[i, k], down, right, first[k], pitch_px[k],
+                places[0, i], places[1, i], gain[k], response,
+            )  # fmt: skip
+            spread = variance[i] * noise_gains[k] / energy + (MODEL_ERROR * white[i]) ** 2 + 1e-30
+            square += slope * slope / spread
+            _mix(response, mixtures, row)
+            _add_row(gram, moment, row, slope, spread)
+            _mix(response, others, other_row)
+            _add_row(other_gram, other_moment, other_row, slope, spread)
+        chi2[i] = _solve(gram, moment, square, white[i], subsurface, degrees, amounts[i], parts[i])
+        other_chi2[i] = _solve(
+            other_gram, other_moment, square, white[i], other_subsurface, degrees,
+            other_amounts[i], other_parts[i],
+        )  # fmt: skip
+    return amounts, parts, chi2, other_amounts, other_parts, other_chi2
+
+
+@njit(cache=True)
+def _mix(response, mixtures, row):  # type: ignore[no-untyped-def]
+    """Responses of the ranges from those of the spreads; the last of the row stays 0."""
+    row[:] = 0
+    for r in range(mixtures.shape[0]):
+        for a in range(mixtures.shape[1]):
+            row[a] += response[r] * mixtures[r, a]
+
+
+@njit(parallel=True, cache=True)
+def _fit_rows(rows, responses, subsurface, white, variance):  # type: ignore[no-untyped-def]
+    n_pixels, n_pitches = rows.shape
+    n_ranges = responses.shape[1]
+    amounts = np.zeros((n_pixels, n_ranges + 1))
+    parts, chi2 = np.zeros((n_pixels, 5)), np.zeros(n_pixels)
+    for i in prange(n_pixels):
+        gram, moment = np.zeros((n_ranges + 1, n_ranges + 1)), np.zeros(n_ranges + 1)
+        row = np.zeros(n_ranges + 1)
+        square = 0.0
+        for k in range(n_pitches):
+            row[:n_ranges] = responses[k]
+            spread = variance[i, k] + (MODEL_ERROR * white[i]) ** 2 + 1e-30
+            _add_row(gram, moment, row, rows[i, k], spread)
+            square += rows[i, k] ** 2 / spread
+        degrees = max(n_pitches - 4, 1)
+        chi2[i] = _solve(gram, moment, square, white[i], subsurface, degrees, amounts[i], parts[i])
+    return amounts, parts, chi2
