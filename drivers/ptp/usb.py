@@ -39,6 +39,7 @@ CONTROL_TIMEOUT_S = 2.0
 AFTER_HALT_TIMEOUT_S = 0.5
 DRAIN_TIMEOUT_S = 0.1
 DRAIN_READS = 64
+MAX_EMPTY_READS = 16
 RESET_POLLS = 20
 RESET_POLL_S = 0.1
 CLAIM_TRIES = 4
@@ -79,9 +80,13 @@ class UsbLink:
 
     def receive(self, timeout_s: float) -> Happening:
         """What comes next."""
+        empty_reads = 0
         while isinstance(happening := self._initiator.next_event(), NeedData):
             data, ended = self._read(timeout_s)
             self._initiator.receive_data(data, ended)
+            empty_reads = 0 if data else empty_reads + 1
+            if empty_reads > MAX_EMPTY_READS:
+                raise PtpProtocolError("the camera sends empty packets only; switch it off and on")
         return happening
 
     def take(self) -> Happening:
@@ -103,7 +108,8 @@ class UsbLink:
                 self._clear_halt(self._port.interrupt_in)
                 return
             self._fail(error)
-        self._initiator.receive_event(memoryview(buffer)[:count])
+        with contextlib.suppress(PtpProtocolError):  # an odd event is no reason to lose a shot
+            self._initiator.receive_event(memoryview(buffer)[:count])
 
     def recover(self) -> None:
         """Give up the transaction under way, empty the pipe, reset the interface."""

@@ -22,7 +22,7 @@ from drivers.ptp.usb_port import find
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
-from tests.drivers.ptp.benches import bench
+from tests.drivers.ptp.benches import bench, picture
 from tests.drivers.ptp.usb_backend import Bus, ResponderPipe, usb_error
 
 LARGE = random.Random(1).randbytes(20_000_000)
@@ -85,6 +85,36 @@ def test_transfers_that_end_at_the_edge_of_a_packet(
     session, handle = session_with(data, packet_bytes=packet_bytes)
     assert session.ask(Operation.GET_OBJECT, handle).data == data
     assert session.ask(Operation.GET_OBJECT, handle).data == data
+
+
+class EmptyPackets(ResponderPipe):
+    """A device that says nothing, again and again."""
+
+    def read(self, size: int, timeout_s: float) -> bytes:  # noqa: ARG002
+        return b""
+
+
+class OddEvents(ResponderPipe):
+    """A device whose interrupt pipe babbles."""
+
+    def read_event(self, size: int, timeout_s: float) -> bytes:
+        self._clock.sleep(timeout_s)
+        return bytes(range(size))
+
+
+def test_a_device_that_sends_only_empty_packets_is_given_up() -> None:
+    at = bench()
+    at.bus.pipe = EmptyPackets(at.responder, at.clock)
+    with pytest.raises(CameraError, match="switch it off and on"):
+        at.open()
+
+
+def test_events_that_are_none_do_not_cost_a_shot() -> None:
+    at = bench()
+    at.bus.pipe = OddEvents(at.responder, at.clock)
+    settings = CameraSettings(0.1, 8.0, 200)
+    with at.open() as camera:
+        assert camera.capture(settings).data == picture(settings)[0]
 
 
 def test_a_halted_pipe_is_cleared() -> None:
