@@ -94,7 +94,8 @@ def _pitches(separated: SeparatedPitches) -> Iterator[str]:
     unresolved = [f"{p.family} {p.pitch_px}" for p in separated.pitches if not p.resolved]
     if unresolved:
         yield (
-            f"Not resolved, and left out of the decomposition: {', '.join(unresolved)} px. Even "
-            "the most direct pixels lose contrast there, by blur of lens or projector (or because "
-            "everything in view scatters; only a reference board could tell)."
+            f"Not resolved: {', '.join(unresolved)} px. Even the most direct pixels lose contrast "
+            "there, by blur of lens or projector (or because everything in view scatters; only a "
+            "reference board could tell). Max/min reads too little direct light at these pitches; "
+            "iva leaves them out, ranges corrects for the blur that it measures."
         )

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquire.cautions import cautions
 from acquire.errors import ResultError, StackError
-from acquire.pitches import (
-    SeparatedPitches,
-    blank_files,
-    blank_unusable,
-    open_rows,
-    separate_pitches,
+from acquire.methods import (
+    HARMONICS,
+    Components,
+    Iva,
+    Method,
+    Ranges,
+    check_components,
+    obstacle_to_ranges,
 )
+from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
 from acquire.result import (
     RECORD,
-    MixingRecord,
     PixelClass,
     Result,
     ResultRecord,
@@ -33,11 +34,18 @@ from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.session.records import versions
 from acquire.stack import Stack
-from processing.decomposition import Decomposition, decompose_iva
-from processing.patterns import Family
 
-METHODS = ("iva",)
-OWN_NAMES = {RECORD, "components", "pitches", "white.tiff", "mask.tiff", "report.html"}
+METHODS = ("ranges", "iva")
+OWN_NAMES = {
+    RECORD,
+    "components",
+    "pitches",
+    "white.tiff",
+    "mask.tiff",
+    "report.html",
+    "deviations",
+    HARMONICS,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,18 +55,15 @@ class Options:
     Parameters
     ----------
     method
-        One of `METHODS`.
-    n_components
-        Number of components, 2 to the number of pitches plus one.
-    n_iterations
-        AuxIVA iterations.
-    smoothing_px
-        σ of the Gaussian before the gradients, in pixels; None chooses it from the noise.
+        One of `METHODS`; None takes ``ranges`` where the session allows it, else ``iva``.
+    n_components, n_iterations, smoothing_px
+        Of ``iva``: its number of components, 2 to the number of pitches plus one; its iterations;
+        σ of the Gaussian before the gradients in pixels, None to choose it from the noise.
     leak
         b of the projector where no black frame was captured.
     """
 
-    method: str = "iva"
+    method: str | None = None
     n_components: int = 3
     n_iterations: int = 10
     smoothing_px: float | None = None
@@ -78,36 +83,49 @@ class Observer(Protocol):
 def process(session: Session, folder: Path, options: Options, observer: Observer) -> Result:
     """Separate and decompose a session; whatever `folder` held of an earlier result is replaced."""
     stack = Stack(session)
-    _check(stack, options)
+    name, remark = _method_name(session, options)
+    if name == "iva":
+        check_components(len(stack.groups), options.n_components)
     _prepare(folder, session.folder)
-    observer.stage("separating", len(stack))
-    separated = separate_pitches(stack, folder, options.leak, observer.advance)
-    if not np.any(separated.mask == PixelClass.MEASURED):
-        raise StackError(
-            f"{session.folder}: no pixel can be measured; every one is saturated or unlit in some "
-            "frame. Check the exposure and that the projector lit the scene."
-        )
-    observer.stage("decomposing", 1)
-    _check_components(len(separated.resolved), options, "resolved ")
-    decomposition = _decompose(folder, separated, options)
-    observer.advance()
-    record = _write(session, folder, separated, decomposition, options)
+    method = _method(name, session, folder, options)
+    try:
+        observer.stage("separating", len(stack))
+        separated = separate_pitches(stack, folder, options.leak, method.frame, observer.advance)
+        if not np.any(separated.mask == PixelClass.MEASURED):
+            raise StackError(
+                f"{session.folder}: no pixel can be measured; every one is saturated or unlit in "
+                "some frame. Check the exposure and that the projector lit the scene."
+            )
+        observer.stage("decomposing", 1)
+        components = method.decompose(folder, separated)
+        observer.advance()
+    finally:
+        method.close()
+    warnings = (*cautions(session, separated), *remark, *components.warnings)
+    record = _record(session, separated, components, replace(options, method=name), warnings)
+    _write(folder, separated, components, record)
     return Result(folder, record)
 
 
-def _check(stack: Stack, options: Options) -> None:
-    if options.method not in METHODS:
+def _method_name(session: Session, options: Options) -> tuple[str, tuple[str, ...]]:
+    """The method to use, and a remark when it is not the best one."""
+    if options.method not in (None, *METHODS):
         raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
-    _check_components(len(stack.groups), options, "")
+    if options.method is not None:
+        return options.method, ()
+    obstacle = obstacle_to_ranges(session)
+    if obstacle is None:
+        return "ranges", ()
+    return "iva", (
+        f"Decomposed by independent vector analysis, because the default method cannot be used: "
+        f"{obstacle}.",
+    )
 
 
-def _check_components(n_pitches: int, options: Options, resolved: str) -> None:
-    rows = n_pitches + 1
-    if not 2 <= options.n_components <= rows:
-        raise ResultError(
-            f"--components {options.n_components}: {n_pitches} {resolved}pitch(es) and white light "
-            f"give {rows} observations of a pixel, so 2 to {rows} components can be told apart."
-        )
+def _method(name: str, session: Session, folder: Path, options: Options) -> Method:
+    if name == "ranges":
+        return Ranges(session, folder)
+    return Iva(options.n_components, options.n_iterations, options.smoothing_px)
 
 
 def _prepare(folder: Path, session_folder: Path) -> None:
@@ -126,67 +144,52 @@ def _prepare(folder: Path, session_folder: Path) -> None:
         )
     with storage(folder):
         (folder / RECORD).unlink(missing_ok=True)
-        for name in ("components", "pitches"):
+        for name in ("components", "deviations", "pitches"):
             if (folder / name).is_symlink():
                 (folder / name).unlink()
             shutil.rmtree(folder / name, ignore_errors=True)
         (folder / "components").mkdir(parents=True)
 
 
-def _decompose(folder: Path, separated: SeparatedPitches, options: Options) -> Decomposition:
-    return decompose_iva(
-        [*open_rows(folder, separated.resolved), separated.white],
-        [*(float(pitch.pitch_px) for pitch in separated.resolved), np.inf],
-        separated.mask == PixelClass.MEASURED,
-        n_components=options.n_components,
-        n_iterations=options.n_iterations,
-        smoothing_px=options.smoothing_px,
-    )
-
-
 def _write(
-    session: Session,
-    folder: Path,
-    separated: SeparatedPitches,
-    decomposition: Decomposition,
-    options: Options,
-) -> ResultRecord:
+    folder: Path, separated: SeparatedPitches, components: Components, record: ResultRecord
+) -> None:
     blank_files(folder, separated)
-    images: dict[str, NDArray[np.float32]] = {
-        f"components/{name}.tiff": image
-        for name, image in zip(decomposition.names, decomposition.components, strict=True)
+    images = {
+        **{f"components/{name}.tiff": image for name, image in components.images.items()},
+        **{f"deviations/{name}.tiff": image for name, image in components.deviations.items()},
+        "white.tiff": components.white,
     }
-    for relative, image in (images | {"white.tiff": separated.white}).items():
+    for relative, image in images.items():
         blank_unusable(image, separated.mask)
+        with storage(folder):
+            (folder / relative).parent.mkdir(exist_ok=True)
         write_tiff(folder / relative, image)
     write_tiff(folder / "mask.tiff", separated.mask)
-    record = _record(session, separated, decomposition, options)
     write_record(folder, record)
-    return record
 
 
 def _record(
     session: Session,
     separated: SeparatedPitches,
-    decomposition: Decomposition,
+    components: Components,
     options: Options,
+    warnings: tuple[str, ...],
 ) -> ResultRecord:
+    height, width = separated.mask.shape
     return ResultRecord(
-        method=options.method,
-        options=asdict(options) | {"smoothing_px_used": decomposition.smoothing_px},
-        components=decomposition.names,
-        shape=separated.mask.shape,
+        method=str(options.method),
+        options=asdict(options) | components.used,
+        components=tuple(components.images),
+        shape=(height, width),
         pitches=separated.pitches,
-        mixing=MixingRecord(
-            families=(*(pitch.family for pitch in separated.resolved), Family.WHITE),
-            pitch_px=(*(pitch.pitch_px for pitch in separated.resolved), None),
-            alpha=decomposition.mixing.tolist(),
-        ),
-        pca_shares=decomposition.shares.tolist(),
-        convergence=decomposition.cost.tolist(),
+        mixing=components.mixing,
+        pca_shares=components.shares,
+        convergence=components.cost,
         mask=separated.mask_record(),
-        noise=decomposition.noise,
-        warnings=(*cautions(session, separated), *decomposition.warnings),
+        noise=components.noise,
+        deviations=bool(components.deviations),
+        warnings=warnings,
         plan_sha256=session.plan.sha256,
         session=SessionSummary(
             plan_sha256=session.plan.sha256,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from acquire.errors import StackError
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Reference, Stack
-from processing.patterns import Family, balanced
+from processing.patterns import Family, Pattern, balanced
 from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
 from processing.soundness import additivity_error, direct_peak, resolved_pitches
 
@@ -60,7 +60,11 @@ class SeparatedPitches:
 
 
 def separate_pitches(
-    stack: Stack, folder: Path, leak: float, frame_done: Callable[[], None]
+    stack: Stack,
+    folder: Path,
+    leak: float,
+    listen: Callable[[Image, Pattern], None],
+    frame_done: Callable[[], None],
 ) -> SeparatedPitches:
     """Write ``pitches/*.tiff`` into `folder`; holds one pitch's running extrema at a time.
 
@@ -73,6 +77,8 @@ def separate_pitches(
     leak
         b, the fraction of its light that a dark projector pixel still emits, when no black
         frame was captured that could be subtracted.
+    listen
+        Called with white and with each pattern frame, black subtracted, and what it shows.
     frame_done
         Called after each decoded frame.
     """
@@ -80,13 +86,16 @@ def separate_pitches(
     white = stack.reference(Family.WHITE, frame_done)
     dark = None if black is None else black.image
     lit = None if white is None else white.image - (0 if dark is None else dark)
+    if lit is not None:
+        listen(lit, Pattern(Family.WHITE))
     with storage(folder):
         (folder / "pitches").mkdir(exist_ok=True)
     names = _names(stack.groups)
     pitches: list[PitchRecord] = []
     whole = lit
     for group, name in zip(stack.groups, names, strict=True):
-        mean, separation = _separate(stack, group, dark, lit, leak, frame_done)
+        frames = _frames(stack, group, dark, listen, frame_done)
+        mean, separation = _separate(frames, group, lit, leak)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
             share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))
@@ -119,28 +128,36 @@ def blank_files(folder: Path, separated: SeparatedPitches) -> None:
                 image.flush()
 
 
-def _separate(
+def _frames(
     stack: Stack,
     group: PitchGroup,
     dark: Image | None,
-    lit: Image | None,
-    leak: float,
+    listen: Callable[[Image, Pattern], None],
     frame_done: Callable[[], None],
+) -> Iterator[tuple[Image, Pattern]]:
+    """The frames of a pitch, black subtracted, one at a time."""
+    for frame, image in stack.images(group.frames):
+        values = image.values if dark is None else image.values - dark
+        listen(values, frame.pattern)
+        yield values, frame.pattern
+        frame_done()
+
+
+def _separate(
+    frames: Iterator[tuple[Image, Pattern]], group: PitchGroup, lit: Image | None, leak: float
 ) -> tuple[Image, Separation]:
     """Mean frame and separation of a pitch."""
     extrema: ExtremaSeparation | None = None
     sinusoid: SinusoidSeparation | None = None
     total: Image | None = None
-    for frame, image in stack.images(group.frames):
-        values = image.values if dark is None else image.values - dark
+    for values, pattern in frames:
         total = values.copy() if total is None else np.add(total, values, out=total)
         if group.family.is_binary:
             extrema = extrema or ExtremaSeparation(values.shape)
             extrema.add(values)
         else:
             sinusoid = sinusoid or SinusoidSeparation(values.shape)
-            sinusoid.add(values, frame.pattern.phase)
-        frame_done()
+            sinusoid.add(values, pattern.phase)
     estimator = extrema or sinusoid
     if estimator is None or total is None:
         raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")

@@ -2,6 +2,7 @@
 
     result.json                     names, mixing, shares, convergence, warnings, versions
     components/NAME.tiff            float32, linear, (height, width, 3)
+    deviations/NAME.tiff            standard error of the component, where the method knows it
     pitches/direct-0008.tiff        direct light at a pitch, and pitches/global-0008.tiff
     white.tiff                      the scene under white light less the black reference
     mask.tiff                       uint8: 0 measured, 1 saturated, 2 unlit
@@ -118,7 +119,8 @@ class ResultRecord(_Record):
     pca_shares: tuple[float, ...]
     convergence: tuple[float, ...]
     mask: MaskRecord
-    noise: float
+    noise: float | None
+    deviations: bool = False
     warnings: tuple[str, ...]
     plan_sha256: Sha256
     session: SessionSummary
@@ -151,6 +153,10 @@ class Result:
     def component(self, name: str) -> NDArray[np.float32]:
         """One component, (height, width, 3)."""
         return self._image(f"components/{name}.tiff")
+
+    def deviation(self, name: str) -> NDArray[np.float32]:
+        """Standard error of a component, (height, width, 3)."""
+        return self._image(f"deviations/{name}.tiff")
 
     def pitch_image(self, path: str) -> NDArray[np.float32]:
         """A direct or global image named in the record, (height, width, 3)."""

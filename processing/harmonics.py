@@ -97,10 +97,6 @@ def _weights(
     is_grid: bool,
 ) -> NDArray[np.float64]:
     down, right = np.pi * down_px / pitch_px, np.pi * right_px / pitch_px
-    sums = np.exp(1j * np.stack([down + right, down - right], axis=1))
-    if is_grid:
-        split: NDArray[np.float64] = sums.view(np.float64)
-        return split
     products = np.stack(
         [
             np.ones_like(down),
@@ -117,6 +113,10 @@ def _weights(
             f"{family}:{pitch_px} has {len(down_px)} shifts that fix {unknowns} of {needed} "
             "unknowns of a pixel; add shifts in the directions in which it varies"
         )
+    if is_grid:
+        sums = np.exp(1j * np.stack([down + right, down - right], axis=1))
+        split: NDArray[np.float64] = sums.view(np.float64)
+        return split
     # Scaled as the sums over a grid are, so that noise weighs alike: n/4 (n/2 in one direction).
     _, cc, cs, sc, ss = np.linalg.pinv(products).T * (len(down_px) / (4 if needed == 5 else 2))
     return np.stack([cc - ss, cs + sc, cc + ss, sc - cs], axis=1)

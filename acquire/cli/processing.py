@@ -49,8 +49,11 @@ def demo_command(
 def process_command(
     folder: Annotated[Path, typer.Argument(metavar="SESSION")],
     out: Annotated[Path, typer.Option(help="Result folder; an earlier result is replaced.")],
-    method: Annotated[str, typer.Option(help=f"One of: {', '.join(METHODS)}.")] = "iva",
-    components: Annotated[int, typer.Option(help="Number of components.")] = 3,
+    method: Annotated[
+        str | None,
+        typer.Option(help=f"One of: {', '.join(METHODS)}. Default: ranges where possible."),
+    ] = None,
+    components: Annotated[int, typer.Option(help="Number of components of iva.")] = 3,
     iterations: Annotated[int, typer.Option(min=1, max=10_000, help="AuxIVA iterations.")] = 10,
     smoothing_px: Annotated[
         float | None,

@@ -32,7 +32,10 @@ from acquire.report.plates import (
 from acquire.result import MAX_JSON_BYTES, RECORD, Result, ResultRecord
 from acquire.session.folder import read_plain
 
-METHODS = {"iva": "independent vector analysis"}
+METHODS = {
+    "iva": "independent vector analysis",
+    "ranges": "the range over which light travelled",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +187,8 @@ def _noise_share(
     """PCA share of pure noise: its variance over the energy of all rows (those shown stand in)."""
     squares = [white.mean_square, *(pitch.mean_square for pitch in pitches)]
     energy = len(record.pca_shares) * sum(squares) / len(squares)
+    if record.noise is None:
+        return None
     share = record.noise**2 / energy if energy > 0 else math.nan
     return share if 0 < share < 1 else None
 

@@ -172,7 +172,9 @@ def frames_drawing(pitches: Sequence[PitchRecord]) -> Drawing | None:
             axes.set_xscale("log")
             axes.xaxis.set_minor_locator(NullLocator())
         axes.set_ylabel("direct, % of white")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, max(105, 1.05 * max(100 * (p.direct_peak or 0) for p in judged)))
+        worst = max(abs(p.additivity_error or 0) for p in judged)
+        below.set_ylim(-max(1, 120 * worst), max(1, 120 * worst))
         below.axhline(0, color=FAINT, linewidth=0.8)
         below.set_ylabel("sum − white, %")
         below.set_xlabel("pitch of the pattern in projector pixels")
@@ -184,7 +186,6 @@ def frames_drawing(pitches: Sequence[PitchRecord]) -> Drawing | None:
         if len(families) > 1:
             axes.legend(loc="lower right")
     unresolved = sum(not pitch.resolved for pitch in judged)
-    worst = max((abs(pitch.additivity_error or 0) for pitch in judged), default=0.0)
     return Drawing(
         _svg(figure),
         f"Direct fraction of the most direct pixels against pitch; {unresolved} of {len(judged)} "

@@ -68,6 +68,9 @@ class ComponentPlate:
         (red, green, blue); NaN when nothing was measured.
     negative_values, negative_light
         Fraction of the values below zero, and their sum as a fraction of the white light, ≤ 0.
+    deviation
+        Median standard error of its values as a fraction of the median white value; None where
+        the method does not know it.
     """
 
     name: str
@@ -78,6 +81,7 @@ class ComponentPlate:
     factor: float
     share: float
     colour_shares: tuple[float, ...]
+    deviation: float | None
     negative_values: float
     negative_light: float
 
@@ -134,9 +138,17 @@ def component_plate(
         factor=factor,
         share=_ratio(float(light.sum()), float(white.light.sum())),
         colour_shares=tuple(map(_ratio, light.tolist(), white.light.tolist())),
+        deviation=_median_deviation(result, name, measured),
         negative_values=negative_values,
         negative_light=negative_light,
     )
+
+
+def _median_deviation(result: Result, name: str, measured: NDArray[np.bool_]) -> float | None:
+    if not result.record.deviations or not measured.any():
+        return None
+    typical = float(np.median(result.white[measured]))
+    return _ratio(float(np.median(result.deviation(name)[measured])), typical)
 
 
 def pitch_plate(

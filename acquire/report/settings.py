@@ -145,7 +145,7 @@ def processing_rows(record: ResultRecord, record_sha256: str) -> Rows:
         *_option_rows(record.options),
         ("components", ", ".join(record.components)),
         ("image", f"{width} × {height} px"),
-        ("noise", f"{record.noise:.3g}"),
+        ("noise", NOT_SET if record.noise is None else f"{record.noise:.3g}"),
         ("digest of result.json", record_sha256),
         ("digest of plan.json", record.plan_sha256),
     )

@@ -7,8 +7,6 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from acquire.errors import BenchError
 from acquire.rig.bench import Bench, Resumption, closed_with
 from acquire.session import FrameRecord, Session
@@ -16,16 +14,11 @@ from drivers.protocols import Devices, RawFrame
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.replay import ReplayCamera, ReplayProjector
 
-SIZE = TypeAdapter[tuple[int, int]](tuple[int, int])
-
 
 def replay_bench(folder: Path) -> Bench:
     """A session that was captured, played back."""
     recorded = Session.open(folder)
-    try:
-        resolution = SIZE.validate_python(recorded.record.bench.get("projector_px"))
-    except ValidationError:
-        resolution = None
+    resolution = recorded.projector_px
     if resolution is None or not recorded.frames or recorded.frames[0].raster_sha256 is None:
         raise BenchError(
             f"{folder} cannot be replayed: it does not say which rasters were projected. Sessions "

@@ -19,6 +19,7 @@ from acquire.validation import explain
 
 MAX_JSON_BYTES = 32 << 20
 MAX_LINE_BYTES = 4096
+MAX_SIDE = 65_536
 ModelT = TypeVar("ModelT", bound=BaseModel)
 PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
 LOCK = ".lock"
@@ -142,6 +143,15 @@ class Session:
         """Lines of frames.jsonl that end as lines do; a crash can leave one that does not."""
         content = read_plain(self.folder / LINES, (len(self.plan) + 1) * MAX_LINE_BYTES)
         return [line + b"\n" for line in content.split(b"\n")[:-1]]
+
+    @property
+    def projector_px(self) -> tuple[int, int] | None:
+        """(height, width) of the projector; None where it was not recorded."""
+        size = self.record.bench.get("projector_px")
+        match size:
+            case [int(height), int(width)] if 0 < height <= MAX_SIDE and 0 < width <= MAX_SIDE:
+                return height, width
+        return None
 
     @property
     def complete(self) -> bool:

@@ -14,6 +14,7 @@ from acquire.session import Session
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")
+IVA = Options(method="iva")
 SHARP = {"camera_px": (32, 40), "projector_px": (96, 128)}
 
 
@@ -31,7 +32,7 @@ class Silent:
 
 def processed(tmp_path: Path, **changes: object) -> tuple[Session, Result]:
     session, _ = captured(tmp_path / "s", PLAN, small_bench(**{**SHARP, **changes}))
-    return session, process(session, tmp_path / "r", Options(), Silent())
+    return session, process(session, tmp_path / "r", IVA, Silent())
 
 
 def test_direct_and_global_add_up_to_white_less_black(tmp_path: Path) -> None:
@@ -69,7 +70,7 @@ def test_processing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_saturated_pixels_are_counted_and_nan(tmp_path: Path) -> None:
     plan = small_plan("[pattern]\npitch_px = [8, 12]\n[camera]\nexposure_s = 0.2\n")
     session, _ = captured(tmp_path / "s", plan, small_bench(**SHARP))
-    result = process(session, tmp_path / "r", Options(n_components=2), Silent())
+    result = process(session, tmp_path / "r", Options("iva", n_components=2), Silent())
     saturated = result.mask == 1
     assert 0 < result.record.mask.saturated == saturated.sum() < saturated.size
     for name in result.record.components:
@@ -82,7 +83,7 @@ def test_everything_saturated_is_one_message(tmp_path: Path) -> None:
     plan = small_plan("[pattern]\npitch_px = [8]\n[camera]\nexposure_s = 100.0\n")
     session, _ = captured(tmp_path / "s", plan, small_bench(**SHARP))
     with pytest.raises(StackError, match="no pixel can be measured"):
-        process(session, tmp_path / "r", Options(n_components=2), Silent())
+        process(session, tmp_path / "r", Options("iva", n_components=2), Silent())
 
 
 @pytest.mark.parametrize(
@@ -121,7 +122,7 @@ def test_sinusoids_are_separated_too(tmp_path: Path) -> None:
     )
     bench = small_bench(gamma=2.2, scene="board", **SHARP)
     session, _ = captured(tmp_path / "s", small_plan(text), bench)
-    result = process(session, tmp_path / "r", Options(n_components=2), Silent())
+    result = process(session, tmp_path / "r", Options("iva", n_components=2), Silent())
     coarse = result.pitch_image(result.record.pitches[1].direct)
     lit = result.mask == 0
     # A flat board has no global light; a pixel averages the sinusoid over about 3 of its 32
@@ -145,8 +146,8 @@ def test_evaluation_is_zero_for_the_truth_itself(tmp_path: Path) -> None:
     ("options", "reason"),
     [
         pytest.param(Options(method="magic"), "No method 'magic'", id="method"),
-        pytest.param(Options(n_components=1), "2 to 5", id="one component"),
-        pytest.param(Options(n_components=6), "2 to 5", id="too many components"),
+        pytest.param(Options("iva", n_components=1), "2 to 5", id="one component"),
+        pytest.param(Options("iva", n_components=6), "2 to 5", id="too many components"),
     ],
 )
 def test_options_that_cannot_be(tmp_path: Path, options: Options, reason: str) -> None:
@@ -156,9 +157,35 @@ def test_options_that_cannot_be(tmp_path: Path, options: Options, reason: str) -
     assert not (tmp_path / "r").exists()
 
 
+def test_the_default_yields_light_with_errors(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(full_well_e=20000.0, **SHARP))
+    result = process(session, tmp_path / "r", Options(), Silent())
+    assert result.record.method == "ranges"
+    assert result.record.components[0] == "direct"
+    images = [result.component(name) for name in result.record.components]
+    assert min(image.min() for image in images) >= 0
+    measured = result.mask == 0
+    np.testing.assert_allclose(
+        np.sum(images, axis=0)[measured], np.maximum(result.white, 0)[measured], atol=1e-5
+    )
+    for name in result.record.components:
+        assert (result.deviation(name)[measured] >= 0).all()
+    assert not list(result.folder.glob(".*"))
+
+
+def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path) -> None:
+    text = '[pattern]\nfamily = "stripes-rows"\npitch_px = [8, 12, 16]\nshifts = [2, 1]\n'
+    session, _ = captured(tmp_path / "s", small_plan(text), small_bench(**SHARP))
+    result = process(session, tmp_path / "r", Options(), Silent())
+    assert result.record.method == "iva"
+    assert any("default method cannot be used" in warning for warning in result.record.warnings)
+    with pytest.raises(StackError, match="--method iva"):
+        process(session, tmp_path / "r2", Options(method="ranges"), Silent())
+
+
 def test_a_result_replaces_only_a_result(tmp_path: Path) -> None:
     session, result = processed(tmp_path)
-    process(session, result.folder, Options(n_components=2), Silent())
+    process(session, result.folder, Options("iva", n_components=2), Silent())
     assert len(Result.open(result.folder).record.components) == 2
     assert len(list((result.folder / "components").iterdir())) == 2
     (tmp_path / "thesis").mkdir()

@@ -1,0 +1,202 @@
+"""The ways of taking a scene apart: what each wants of the frames and what it yields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import JsonValue
+
+from acquire.errors import StackError
+from acquire.pitches import SeparatedPitches, open_rows
+from acquire.result import MixingRecord, PixelClass
+from acquire.session import Session
+from acquire.session.folder import storage
+from processing.decomposition import decompose_iva
+from processing.gathering import HarmonicsStack
+from processing.patterns import Family, Pattern
+from processing.ranges import decompose_ranges
+
+Image = NDArray[np.float32]
+HARMONICS = ".harmonics"
+
+
+@dataclass(frozen=True, slots=True)
+class Components:
+    """What a method yields.
+
+    Parameters
+    ----------
+    images
+        Name and float32 (height, width, 3) image of each component, in order.
+    deviations
+        Standard error of each, where the method knows it.
+    white
+        float32, (height, width, 3), what the components add up to.
+    mixing
+        α against pitch.
+    noise
+        Standard deviation of a frame, fraction of full scale; None where it is unknown.
+    shares, cost
+        PCA shares and convergence, where the method has them.
+    used
+        Options as they were chosen by the method itself.
+    warnings
+        What a reader must know, in words.
+    """
+
+    images: dict[str, Image]
+    deviations: dict[str, Image]
+    white: Image
+    mixing: MixingRecord
+    noise: float | None
+    shares: tuple[float, ...] = ()
+    cost: tuple[float, ...] = ()
+    used: dict[str, JsonValue] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+class Method(Protocol):
+    """A decomposition: sees every frame once, then yields components."""
+
+    def frame(self, values: Image, pattern: Pattern) -> None:
+        """One frame, black subtracted."""
+
+    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
+        """Components from what was seen and from the separated pitches in `folder`."""
+
+    def close(self) -> None:
+        """Remove what was parked on the disk."""
+
+
+class Iva:
+    """Independent vector analysis, as in the paper (see `processing.decomposition`)."""
+
+    def __init__(self, n_components: int, n_iterations: int, smoothing_px: float | None) -> None:
+        self._n_components, self._n_iterations = n_components, n_iterations
+        self._smoothing_px = smoothing_px
+
+    def frame(self, values: Image, pattern: Pattern) -> None:
+        """The separated pitches are all it needs."""
+
+    def close(self) -> None:
+        """Nothing was parked."""
+
+    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
+        """Unmix the direct images of the resolved pitches and white."""
+        resolved = separated.resolved
+        check_components(len(resolved), self._n_components, "resolved ")
+        found = decompose_iva(
+            [*open_rows(folder, resolved), separated.white],
+            [*(float(pitch.pitch_px) for pitch in resolved), np.inf],
+            separated.mask == PixelClass.MEASURED,
+            n_components=self._n_components,
+            n_iterations=self._n_iterations,
+            smoothing_px=self._smoothing_px,
+        )
+        return Components(
+            images=dict(zip(found.names, found.components, strict=True)),
+            deviations={},
+            white=separated.white,
+            mixing=MixingRecord(
+                families=(*(pitch.family for pitch in resolved), Family.WHITE),
+                pitch_px=(*(pitch.pitch_px for pitch in resolved), None),
+                alpha=found.mixing.tolist(),
+            ),
+            noise=found.noise,
+            shares=tuple(found.shares.tolist()),
+            cost=tuple(found.cost.tolist()),
+            used={"smoothing_px_used": found.smoothing_px},
+            warnings=found.warnings,
+        )
+
+
+class Ranges:
+    """By the range over which light travelled (see `processing.ranges`).
+
+    Parks 4 images a pitch in the result folder while it works.
+    """
+
+    def __init__(self, session: Session, folder: Path) -> None:
+        self._patterns = [frame.pattern for frame in session.frames]
+        self._projector_px = session.projector_px
+        self._path = folder / HARMONICS
+        self._stack: HarmonicsStack | None = None
+
+    def frame(self, values: Image, pattern: Pattern) -> None:
+        """Add a frame to the harmonics of its pitch."""
+        if self._stack is None:
+            self._stack = self._begin(values.shape)
+        try:
+            self._stack.add(values, pattern)
+        except ValueError as error:
+            raise StackError(f"{pattern}: {error}; `--method iva` takes such sessions.") from error
+
+    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:  # noqa: ARG002
+        """Fit every pixel's spectrum of ranges."""
+        if self._stack is None:
+            raise StackError("There is no frame to decompose.")
+        try:
+            found = decompose_ranges(self._stack, separated.mask == PixelClass.MEASURED)
+        except ValueError as error:
+            raise StackError(f"{error}; `--method iva` may take this session.") from error
+        designs = self._stack.designs
+        noise = np.nanmean(found.noise) if np.isfinite(found.noise).any() else None
+        return Components(
+            images=dict(zip(found.names, found.components, strict=True)),
+            deviations=dict(zip(found.names, found.deviations, strict=True)),
+            white=found.white,
+            mixing=MixingRecord(
+                families=(*(design.family for design in designs), Family.WHITE),
+                pitch_px=(*(design.pitch_px for design in designs), None),
+                alpha=found.mixing.tolist(),
+            ),
+            noise=None if noise is None else float(noise),
+            used={"blur_projector_px": [float(np.sqrt(max(b.side_px2, 0))) for b in found.blur]},
+            warnings=found.warnings,
+        )
+
+    def close(self) -> None:
+        """Remove the parked images."""
+        self._path.unlink(missing_ok=True)
+
+    def _begin(self, shape: tuple[int, ...]) -> HarmonicsStack:
+        pitches = {(p.family, p.pitch_px) for p in self._patterns if not p.family.is_reference}
+        height, width, colours = shape
+        with storage(self._path):
+            parked = np.memmap(
+                self._path, np.float32, "w+", shape=(len(pitches), 4, height, width, colours)
+            )
+        if self._projector_px is None:
+            raise StackError("The projector's size is unknown; `--method iva` does without.")
+        try:
+            return HarmonicsStack(
+                self._patterns, (height, width, colours), self._projector_px, parked
+            )
+        except ValueError as error:
+            raise StackError(f"{error}; `--method iva` takes such sessions.") from error
+
+
+def check_components(n_pitches: int, n_components: int, kind: str = "") -> None:
+    """Refuse more components than there are observations of a pixel."""
+    rows = n_pitches + 1
+    if not 2 <= n_components <= rows:
+        raise StackError(
+            f"--components {n_components}: {n_pitches} {kind}pitch(es) and white light give {rows} "
+            f"observations of a pixel, so 2 to {rows} components can be told apart."
+        )
+
+
+def obstacle_to_ranges(session: Session) -> str | None:
+    """Why the default method cannot take a session; None when it can."""
+    if session.projector_px is None:
+        return "the projector's size in pixels is unknown"
+    patterns = [frame.pattern for frame in session.frames]
+    try:
+        HarmonicsStack(patterns, (1, 1, 1), session.projector_px)
+    except ValueError as error:
+        return str(error)
+    return None
