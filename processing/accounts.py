@@ -18,7 +18,7 @@ from processing.spectrum import diffusion_mixture
 # Half-octaves from a quarter of the finest pitch: mixtures of neighbours imitate every spread
 # between them within 0.5 %.
 _HALF_OCTAVES = 17
-_TRANSLUCENT_FAR = 8.0
+_TRANSLUCENT_FAR = 4.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,13 @@ _LEAST_SLOPE = 0.08
 _AGREEMENT_PX2 = 1.0
 
 
+BLUR_UNSURE = (
+    "the blur of projector and camera could not be told from scattering: pitches that should "
+    "show the same blur disagree, or too few are resolved; measure the blur on a board, and until "
+    "then take direct light and subsurface scattering for estimates"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Blur:
     """Blur of one colour, in projector pixels squared.
@@ -59,7 +66,7 @@ def further_blur(
     slopes
         (n, pitches, 2), of sample pixels along both diagonals.
     pitch_px
-        (pitches,), increasing, at least 2.
+        (pitches,), not decreasing; families of one pitch are averaged.
     white
         (n,), of the same pixels.
 
@@ -68,6 +75,8 @@ def further_blur(
     (2,) variance along (y + x)/√2 and (y − x)/√2, NaN where no two pitches can be compared, and
     whether a third pitch confirms it.
     """
+    pitch_px, member = np.unique(pitch_px, return_inverse=True)
+    slopes = np.stack([slopes[:, member == k].mean(axis=1) for k in range(len(pitch_px))], axis=1)
     typical = np.median(slopes.mean(axis=2) / white[:, np.newaxis], axis=0)
     usable = np.flatnonzero(typical > _LEAST_SLOPE)[:3]
     if len(usable) < 2:
@@ -75,12 +84,12 @@ def further_blur(
     rates = (np.pi / pitch_px[usable]) ** 2
     compared = np.maximum(slopes[:, usable], 1e-9)
     ratios = -np.diff(np.log(compared), axis=1) / np.diff(rates)[:, np.newaxis]
-    modes = np.array([[_shorth(ratios[:, k, d]) for d in range(2)] for k in range(len(rates) - 1)])
+    modes = np.array([[shorth(ratios[:, k, d]) for d in range(2)] for k in range(len(rates) - 1)])
     confirmed = len(modes) > 1 and bool(np.all(np.abs(modes[1] - modes[0]) < _AGREEMENT_PX2))
     return modes[0], confirmed
 
 
-def _shorth(values: NDArray[np.float64]) -> float:
+def shorth(values: NDArray[np.float64]) -> float:
     """Mean of the shortest interval that holds half of the values."""
     ordered = np.sort(values)
     half = max(len(ordered) // 2, 1)

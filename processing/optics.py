@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.blur import Blur, further_blur
+from processing.blur import BLUR_UNSURE, Blur, further_blur
 from processing.correspondence import decode
 from processing.gathering import HarmonicsStack
 from processing.range_fit import slopes
@@ -24,11 +24,6 @@ _SHARP_PX2 = 0.3
 _BRIGHT_FRACTION = 0.05
 _BINS = 32
 
-BLUR_UNSURE = (
-    "the blur of projector and camera could not be told from scattering: pitches that should "
-    "show the same blur disagree, or too few are resolved; measure the blur on a board, and until "
-    "then take direct light and subsurface scattering for estimates"
-)
 NOISE_UNKNOWN = (
     "no pitch holds complementary pairs of frames, so the noise is unknown; the standard errors "
     "hold the misfit of the model alone"

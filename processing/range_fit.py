@@ -25,9 +25,10 @@ from processing.spectrum import solve_spectrum
 
 Array = NDArray[np.float64]
 
-# Standard deviation of D/white that footprints, interpolation and the dictionary leave: on a
-# board, which has direct light alone, D is off by 0.3 to 2 %.
-MODEL_ERROR = 0.01
+# Standard deviation of D/white at the finest pitch that footprints and the dictionary leave: on
+# a board, which has direct light alone, D is off by 0.3 to 2 %. Light from afar is less like its
+# Gaussian spreads the wider the pattern: it grows as the root of the pitch.
+_MODEL_ERROR = 0.01
 # The total is held to white this many times tighter than a row, then scaled to it exactly.
 _TOTAL_WEIGHT = 300.0
 
@@ -53,6 +54,12 @@ class AccountFit:
     subsurface: Array
     deviations: Array
     chi2: Array
+
+
+def model_errors(pitch_px: Array) -> Array:
+    """Standard deviation of D/white that is laid to the model, (pitches,)."""
+    errors: Array = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
+    return errors
 
 
 def slope_noise_gain(design: PitchDesign) -> float:
@@ -116,13 +123,18 @@ def fit_places(
     fitted = _fit_places(
         pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
         blur.diagonal_gain(tables.pitch_px), one.mixtures, other.mixtures, one.subsurface,
-        other.subsurface, white, variance, noise_gains,
+        other.subsurface, white, variance, noise_gains, model_errors(tables.pitch_px),
     )  # fmt: skip
     return _result(fitted[:3]), _result(fitted[3:])
 
 
 def fit_rows(
-    rows: Array, responses: Array, account: Account, white: Array, variance: Array
+    rows: Array,
+    pitch_px: Array,
+    responses: Array,
+    account: Account,
+    white: Array,
+    variance: Array,
 ) -> AccountFit:
     """Fit an account to rows of direct light that were found without places.
 
@@ -130,6 +142,8 @@ def fit_rows(
     ----------
     rows
         (n, pitches), D.
+    pitch_px
+        (pitches,).
     responses
         (pitches, spreads), the same for every pixel.
     account
@@ -137,10 +151,17 @@ def fit_rows(
     white
         (n,).
     variance
-        (n, pitches), of the noise of D.
+        (pitches,), of the noise of D.
     """
     return _result(
-        _fit_rows(rows, responses @ account.mixtures, account.subsurface, white, variance)
+        _fit_rows(
+            rows,
+            responses @ account.mixtures,
+            account.subsurface,
+            white,
+            variance,
+            model_errors(pitch_px),
+        )
     )
 
 
@@ -229,7 +250,7 @@ def _solve(gram, moment, square, white, subsurface, degrees, amounts, parts):  #
 @njit(parallel=True, cache=True)
 def _fit_places(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, mixtures, others, subsurface,
-    other_subsurface, white, variance, noise_gains,
+    other_subsurface, white, variance, noise_gains, model,
 ):  # fmt: skip
     n_pixels, n_pitches, _ = harmonics.shape
     n_spreads, n_ranges = mixtures.shape
@@ -249,7 +270,7 @@ def _fit_places(  # type: ignore[no-untyped-def]
                 harmonics[i, k], down, right, first[k], pitch_px[k],
                 places[0, i], places[1, i], gain[k], response,
             )  # fmt: skip
-            spread = variance[i] * noise_gains[k] / energy + (MODEL_ERROR * white[i]) ** 2 + 1e-30
+            spread = variance[i] * noise_gains[k] / energy + (model[k] * white[i]) ** 2 + 1e-30
             square += slope * slope / spread
             _mix(response, mixtures, row)
             _add_row(gram, moment, row, slope, spread)
@@ -273,7 +294,7 @@ def _mix(response, mixtures, row):  # type: ignore[no-untyped-def]
 
 
 @njit(parallel=True, cache=True)
-def _fit_rows(rows, responses, subsurface, white, variance):  # type: ignore[no-untyped-def]
+def _fit_rows(rows, responses, subsurface, white, variance, model):  # type: ignore[no-untyped-def]
     n_pixels, n_pitches = rows.shape
     n_ranges = responses.shape[1]
     amounts = np.zeros((n_pixels, n_ranges + 1))
@@ -284,7 +305,7 @@ def _fit_rows(rows, responses, subsurface, white, variance):  # type: ignore[no-
         square = 0.0
         for k in range(n_pitches):
             row[:n_ranges] = responses[k]
-            spread = variance[i, k] + (MODEL_ERROR * white[i]) ** 2 + 1e-30
+            spread = variance[k] + (model[k] * white[i]) ** 2 + 1e-30
             _add_row(gram, moment, row, rows[i, k], spread)
             square += rows[i, k] ** 2 / spread
         degrees = max(n_pitches - 4, 1)

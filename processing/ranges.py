@@ -17,7 +17,7 @@ pixel has its own spectrum of ranges.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,63 +28,23 @@ from processing.blur import Blur
 from processing.correspondence import Correspondence, decode
 from processing.gathering import HarmonicsStack
 from processing.optics import NOISE_UNKNOWN, Sample, measured_blur, noise_lines, tables_for
-from processing.range_fit import AccountFit, fit_places, slope_noise_gain
+from processing.range_decomposition import (
+    Capture,
+    Fits,
+    RangeDecomposition,
+    assemble,
+    blocks,
+    lattice,
+)
+from processing.range_fit import fit_places, slope_noise_gain
 from processing.response import ResponseTables
 from processing.scattering import RivalFits, translucent_map
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]
-Fits = list[tuple[AccountFit, AccountFit]]
-
-NAMES = ("direct", "subsurface", "interreflection")
-_SAMPLED_PIXELS = 1 << 15
-_BLOCK_PIXELS = 1 << 15
 _LEAST_COHERENCE = 0.8
-
-
-@dataclass(frozen=True, slots=True)
-class RangeDecomposition:
-    """Components of light, their errors, and how they were found.
-
-    Parameters
-    ----------
-    components
-        float32, (n, height, width, colours), linear, in the unit of the frames, ≥ 0. They add
-        up to `white`; 0 outside the mask.
-    deviations
-        float32, the same shape: standard error of each component, from the noise of the frames
-        and a model error of 1 % of white, scaled up where the fit is worse. What the ranges
-        cannot express and yet fit is not in it.
-    names
-        ``direct`` and ``interreflection``, with ``subsurface`` between them where there is any.
-    pitch_px
-        (m,), the last, white, infinite.
-    mixing
-        float64, (colours, m, n): mean response of each component against pitch, freed from
-        blur; the last row, white, is 1.
-    white
-        float32, (height, width, colours): the scene under full light.
-    translucent
-        bool, (height, width): where there is evidence of subsurface scattering.
-    blur
-        Of each colour.
-    noise
-        (colours,), standard deviation of a frame under half of the brightest white; NaN where
-        it is unknown.
-    warnings
-        What a reader must know, in words.
-    """
-
-    components: Image
-    deviations: Image
-    names: tuple[str, ...]
-    pitch_px: Array
-    mixing: Array
-    white: Image
-    translucent: NDArray[np.bool_]
-    blur: tuple[Blur, ...]
-    noise: Array
-    warnings: tuple[str, ...]
+# Creases look translucent within some finest pitches' width, measured on the projector.
+_CREASE_PITCHES = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,43 +74,37 @@ def decompose_ranges(
     """
     white = stack.white()
     _check(mask, white, blur)
-    stride = int(np.ceil(np.sqrt(mask.size / _SAMPLED_PIXELS)))
-    lattice = slice(None, None, stride)
-    sampled = mask[lattice, lattice]
-    sample = Sample(
-        stack.harmonics(white, lattice)[:, :, sampled], white[lattice, lattice][sampled]
-    )
+    spaced = lattice(mask.shape)
+    sampled = mask[spaced]
+    sample = Sample(stack.harmonics(white, spaced[0])[:, :, sampled], white[spaced][sampled])
     noise = noise_lines(stack.noise_variance(), white, mask)
     warnings: tuple[str, ...] = (NOISE_UNKNOWN,) if np.isnan(noise).any() else ()
     if blur is None:
         blur, unsure = measured_blur(stack, sample)
         warnings += unsure
-    gains = np.array([slope_noise_gain(design) for design in stack.designs])
     pitch_px = np.array([float(one.pitch_px) for one in stack.designs])
-    tables = tables_for(stack, blur, spread_grid(pitch_px))
     accounts = opaque(pitch_px), translucent(pitch_px)
+    tables = tables_for(stack, blur, spread_grid(pitch_px))
+    gains = np.array([slope_noise_gain(design) for design in stack.designs])
     optics = _Optics(tuple(blur), tables, noise, gains, accounts)
-    fits, coherence = _fit_blocks(stack, white, mask, optics)
-    found = translucent_map(fits.gain, mask)
-    lit = np.where(mask[..., np.newaxis], np.maximum(white, 0), 0)
-    components, deviations = fits.components(found, lit)
-    kept = [0, 1, 2] if found.any() else [0, 2]
-    _, spectra = _fitted(stack, sample.harmonics, sample.white, optics)
-    mixing = mean_mixing(spectra, found[lattice, lattice][sampled], optics.accounts,
-                         [table.mean_response() for table in tables])  # fmt: skip
-    half = 0.5 * float(np.percentile(white[mask], 99.5))
-    return RangeDecomposition(
-        components=components[kept],
-        deviations=deviations[kept],
-        names=tuple(NAMES[k] for k in kept),
-        pitch_px=np.append(pitch_px, np.inf),
-        mixing=mixing[..., kept],
+    fits, coherence, places = _fit_blocks(stack, white, mask, optics)
+    least_px = _CREASE_PITCHES * pitch_px.min() / _projector_px_per_px(places, mask)
+    found = translucent_map(fits.gain, mask, least_px)
+    if not all(design.is_grid for design in stack.designs):
+        found[:] = False
+        warnings += (_NO_GRID,)
+    half_lit = np.array([1.0, 0.5 * float(np.percentile(white[mask], 99.5))])
+    capture = Capture(
         white=white,
-        translucent=found,
+        mask=mask,
+        pitch_px=pitch_px,
+        accounts=accounts,
+        responses=tuple(table.mean_response() for table in tables),
         blur=tuple(blur),
-        noise=np.sqrt(noise @ [1.0, half]),
-        warnings=warnings + _cautions(coherence[mask]),
+        noise=np.sqrt(noise @ half_lit),
     )
+    _, spectra = _fitted(stack, sample.harmonics, sample.white, optics)
+    return assemble(capture, fits, found, spectra, warnings + _cautions(coherence[mask]))
 
 
 def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -> None:
@@ -164,9 +118,10 @@ def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -
 
 def _fit_blocks(
     stack: HarmonicsStack, white: Image, mask: NDArray[np.bool_], optics: _Optics
-) -> tuple[RivalFits, Image]:
-    """Fits of all usable pixels, and the coherence of their places."""
+) -> tuple[RivalFits, Image, Image]:
+    """Fits of all usable pixels, the coherence and the (y, x) of their places."""
     fits, coherence = RivalFits(white.shape), np.zeros(mask.shape, np.float32)
+    places_px = np.full((2, *mask.shape), np.nan, np.float32)
     for lines in blocks(mask.shape):
         chosen = mask[lines]
         if chosen.any():
@@ -174,13 +129,18 @@ def _fit_blocks(
             places, pairs = _fitted(stack, harmonics, white[lines][chosen], optics)
             fits.add(lines, chosen, pairs)
             coherence[lines][chosen] = places.coherence
-    return fits, coherence
+            places_px[:, lines][:, chosen] = places.place_px.mean(axis=-1)
+    return fits, coherence, places_px
 
 
-def blocks(shape: tuple[int, int]) -> Iterator[slice]:
-    """Lines of a picture, some 32 000 pixels at a time."""
-    lines = max(_BLOCK_PIXELS // shape[1], 1)
-    return (slice(first, first + lines) for first in range(0, shape[0], lines))
+def _projector_px_per_px(places_px: Image, mask: NDArray[np.bool_]) -> float:
+    """Typical distance on the projector between neighbouring camera pixels."""
+    both = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:]
+    if not both.any():
+        return 1.0
+    down = np.diff(places_px, axis=1)[:, :, :-1][:, both]
+    right = np.diff(places_px, axis=2)[:, :-1][:, both]
+    return max(float(np.median(np.sqrt(np.sum(down**2 + right**2, axis=0) / 2))), 0.1)
 
 
 def _fitted(
@@ -202,38 +162,11 @@ def _fitted(
     return places, fits
 
 
-def mean_mixing(
-    fits: Fits,
-    found: NDArray[np.bool_],
-    accounts: tuple[Account, Account],
-    responses: Sequence[Array],
-) -> Array:
-    """Mean response of direct, near and far light, (colours, m, 3), the last row 1.
-
-    Parameters
-    ----------
-    fits
-        Both accounts of n sample pixels, for each colour.
-    found
-        bool, (n,): where the translucent one holds.
-    accounts
-        Opaque and translucent.
-    responses
-        (pitches, spreads) for each colour.
-    """
-    mixing = np.ones((len(fits), len(responses[0]) + 1, 3))
-    for colour, (pair, response) in enumerate(zip(fits, responses, strict=True)):
-        spectra = np.zeros((2, response.shape[1]))
-        totals = np.zeros(2)
-        for account, fit, chosen in zip(accounts, pair, (~found, found), strict=True):
-            total = fit.amounts[chosen].sum(axis=0)
-            first, end = account.subsurface
-            spectra[0] += account.mixtures[:, first:end] @ total[first:end]
-            spectra[1] += account.mixtures[:, end:] @ total[end:-1]
-            totals += total[first:end].sum(), total[end:].sum()
-        for k in np.flatnonzero(totals > 0):
-            mixing[colour, :-1, 1 + k] = response @ spectra[k] / totals[k]
-    return mixing
+_NO_GRID = (
+    "the shifts are no full grid, so the harmonics of the pattern leak into one another by some "
+    "per cent; subsurface scattering is not told from inter-reflection, capture every pair of "
+    "shifts if it should be"
+)
 
 
 def _cautions(coherence: Image) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ Image = NDArray[np.float32]
 # χ² by which the translucent account must be better, on the mean of a neighbourhood; it has
 # five more unknowns a colour.
 EVIDENCE = 20.0
+# What suffices beside pixels of strong evidence, where neighbourhoods reach over the border.
+_WEAK_EVIDENCE = 5.0
 _NEIGHBOURHOOD_PX = (5, 3)
 
 
@@ -76,8 +78,14 @@ class RivalFits:
         return np.stack([direct, subsurface, white - direct - subsurface]), parts[2:]
 
 
-def translucent_map(gain: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def translucent_map(
+    gain: NDArray[np.float32], usable: NDArray[np.bool_], least_px: float
+) -> NDArray[np.bool_]:
     """Where the evidence says translucent.
+
+    Along a crease light comes back from a wall whose distance goes to 0: a mixture of ranges as
+    peaked as that of diffusion. Creases are thin, so what is thinner than `least_px` is not
+    believed, thin translucent things among it.
 
     Parameters
     ----------
@@ -86,15 +94,40 @@ def translucent_map(gain: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDA
         summed over the colours.
     usable
         bool, (height, width): pixels that may vote.
+    least_px
+        Diameter, in camera pixels, of the discs that a translucent region is made of.
 
     Returns
     -------
-    bool, (height, width): the mean over 5 × 5 and over 3 × 3 usable pixels exceed `EVIDENCE`.
+    bool, (height, width): where the mean over 5 × 5 and over 3 × 3 usable pixels exceed
+    `EVIDENCE`, opened by a disc, and what borders on it with weaker evidence.
     """
     votes = np.where(usable, gain, 0).astype(np.float64)
-    found = usable.copy()
-    for side in _NEIGHBOURHOOD_PX:
-        count = ndimage.uniform_filter(usable.astype(np.float64), side, mode="constant")
-        mean = ndimage.uniform_filter(votes, side, mode="constant") / np.maximum(count, 1e-9)
-        found &= mean > EVIDENCE
-    return found
+    wide, narrow = (_local_mean(votes, usable, side) for side in _NEIGHBOURHOOD_PX)
+    strong = (wide > EVIDENCE) & (narrow > EVIDENCE)
+    return usable & (narrow > _WEAK_EVIDENCE) & _opened(strong | ~usable, least_px / 2)
+
+
+def _local_mean(
+    values: NDArray[np.float64], usable: NDArray[np.bool_], side: int
+) -> NDArray[np.float64]:
+    """Mean over the usable pixels of a square."""
+    count = ndimage.uniform_filter(usable.astype(np.float64), side, mode="nearest")
+    mean: NDArray[np.float64] = ndimage.uniform_filter(values, side, mode="nearest")
+    return mean / np.maximum(count, 1e-9)
+
+
+def _opened(region: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
+    """Union of the discs that fit into a region, half as wide again: their rim is weak.
+
+    The picture's border does not cut discs.
+    """
+    margin = int(np.ceil(radius_px)) + 1
+    padded = np.pad(region, margin, mode="edge")
+    if padded.all():
+        return region
+    core = ndimage.distance_transform_edt(padded) > radius_px
+    if not core.any():
+        return np.zeros_like(region)
+    opened: NDArray[np.bool_] = ndimage.distance_transform_edt(~core) <= 1.5 * radius_px
+    return opened[margin:-margin, margin:-margin]

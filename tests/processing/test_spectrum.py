@@ -25,7 +25,7 @@ def test_the_solver_reaches_the_minimum_that_scipy_reaches(account: Account) -> 
     rng = np.random.default_rng(0)
     for _ in range(200):
         light = rng.exponential(size=rows.shape[1]) * (rng.random(rows.shape[1]) < 0.5)
-        measured = rows @ light / max(light.sum(), 1e-9) + rng.normal(size=len(rows))
+        measured = rows @ light / max(np.sum(light), 1e-9) + rng.normal(size=len(rows))
         amounts, inverse = np.zeros(rows.shape[1]), np.zeros((rows.shape[1],) * 2)
         solve_spectrum(rows.T @ rows, rows.T @ measured, amounts, inverse)
         _, norm = nnls(rows, measured)

@@ -1,0 +1,170 @@
+"""The result of a decomposition by range, and how it is put together from fitted pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.accounts import Account
+from processing.blur import Blur
+from processing.range_fit import AccountFit
+from processing.scattering import RivalFits
+
+Image = NDArray[np.float32]
+Array = NDArray[np.float64]
+Fits = list[tuple[AccountFit, AccountFit]]
+
+NAMES = ("direct", "subsurface", "interreflection")
+_SAMPLED_PIXELS = 1 << 15
+_BLOCK_PIXELS = 1 << 15
+
+
+@dataclass(frozen=True, slots=True)
+class RangeDecomposition:
+    """Components of light, their errors, and how they were found.
+
+    Parameters
+    ----------
+    components
+        float32, (n, height, width, colours), linear, in the unit of the frames, ≥ 0. They add
+        up to `white`; 0 outside the mask.
+    deviations
+        float32, the same shape: standard error of each component, from the noise of the
+        frames and a model error of 1 % of white and more, scaled up where the fit is worse. What
+        the ranges cannot express and yet fit is not in it.
+    names
+        ``direct`` and ``interreflection``, with ``subsurface`` between them where there is any.
+    pitch_px
+        (m,), the last, white, infinite.
+    mixing
+        float64, (colours, m, n): mean response of each component against pitch, freed from
+        blur; the last row, white, is 1.
+    white
+        float32, (height, width, colours): the scene under full light.
+    translucent
+        bool, (height, width): where there is evidence of subsurface scattering.
+    blur
+        Of each colour.
+    noise
+        (colours,), standard deviation of a frame under half of the brightest white; NaN where
+        it is unknown.
+    warnings
+        What a reader must know, in words.
+    """
+
+    components: Image
+    deviations: Image
+    names: tuple[str, ...]
+    pitch_px: Array
+    mixing: Array
+    white: Image
+    translucent: NDArray[np.bool_]
+    blur: tuple[Blur, ...]
+    noise: Array
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """What is known of the whole capture.
+
+    Parameters
+    ----------
+    white
+        float32, (height, width, colours).
+    mask
+        bool, (height, width).
+    pitch_px
+        (m,), without white.
+    accounts
+        Opaque and translucent.
+    responses
+        (m, spreads) for each colour: mean response.
+    blur
+        Of each colour.
+    noise
+        (colours,), see `RangeDecomposition`.
+    """
+
+    white: Image
+    mask: NDArray[np.bool_]
+    pitch_px: Array
+    accounts: tuple[Account, Account]
+    responses: tuple[Array, ...]
+    blur: tuple[Blur, ...]
+    noise: Array
+
+
+def assemble(
+    capture: Capture,
+    fits: RivalFits,
+    found: NDArray[np.bool_],
+    sample: Fits,
+    warnings: tuple[str, ...],
+) -> RangeDecomposition:
+    """Components, names and mean responses.
+
+    Parameters
+    ----------
+    capture
+        The capture.
+    fits
+        Of all pixels.
+    found
+        bool, (height, width): where the translucent account holds.
+    sample
+        Fits of the pixels of `lattice` that are usable, with all their ranges.
+    warnings
+        Of what went before.
+    """
+    mask = capture.mask
+    lit = np.where(mask[..., np.newaxis], np.maximum(capture.white, 0), 0)
+    components, deviations = fits.components(found, lit)
+    kept = [0, 1, 2] if found.any() else [0, 2]
+    spaced = lattice(mask.shape)
+    mixing = _mean_mixing(capture, sample, found[spaced][mask[spaced]])
+    return RangeDecomposition(
+        components=components[kept],
+        deviations=deviations[kept],
+        names=tuple(NAMES[k] for k in kept),
+        pitch_px=np.append(capture.pitch_px, np.inf),
+        mixing=mixing[..., kept],
+        white=capture.white,
+        translucent=found,
+        blur=capture.blur,
+        noise=capture.noise,
+        warnings=warnings,
+    )
+
+
+def lattice(shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Some 32 000 pixels evenly spread over the picture."""
+    stride = int(np.ceil(np.sqrt(shape[0] * shape[1] / _SAMPLED_PIXELS)))
+    return slice(None, None, stride), slice(None, None, stride)
+
+
+def blocks(shape: tuple[int, int]) -> Iterator[slice]:
+    """Lines of a picture, some 32 000 pixels at a time."""
+    lines = max(_BLOCK_PIXELS // shape[1], 1)
+    return (slice(first, first + lines) for first in range(0, shape[0], lines))
+
+
+def _mean_mixing(capture: Capture, fits: Fits, found: NDArray[np.bool_]) -> Array:
+    """Mean response of direct, near and far light, (colours, m + 1, 3), the last row 1."""
+    accounts = capture.accounts
+    mixing = np.ones((len(fits), len(capture.pitch_px) + 1, 3))
+    for colour, (pair, response) in enumerate(zip(fits, capture.responses, strict=True)):
+        spectra = np.zeros((2, response.shape[1]))
+        totals = np.zeros(2)
+        for account, fit, chosen in zip(accounts, pair, (~found, found), strict=True):
+            total = fit.amounts[chosen].sum(axis=0)
+            first, end = account.subsurface
+            spectra[0] += account.mixtures[:, first:end] @ total[first:end]
+            spectra[1] += account.mixtures[:, end:] @ total[end:-1]
+            totals += total[first:end].sum(), total[end:].sum()
+        for k in np.flatnonzero(totals > 0):
+            mixing[colour, :-1, 1 + k] = response @ spectra[k] / totals[k]
+    return mixing
