@@ -22,10 +22,10 @@ def require_desk() -> None:
 
 
 @pytest.fixture(scope="module", params=list(SIZES_PX.values()), ids=list(SIZES_PX))
-def desk_of_each_size(
+def running_desk_of_each_size(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Desk]:
-    """A desk with a projector of each size that labs have."""
+    """A desk with a projector of each size that labs have; use `desk_of_each_size`."""
     require_desk()
     with set_up_desk(tmp_path_factory.mktemp("xorg"), request.param) as desk:
         yield desk
@@ -40,7 +40,16 @@ def running_desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
 
 
 @pytest.fixture
-def desk(running_desk: Desk) -> Desk:
-    """A desk in order: both monitors side by side, colours neutral."""
+def desk_of_each_size(running_desk_of_each_size: Desk) -> Iterator[Desk]:
+    """A desk in order, and this process's display for one test."""
+    running_desk_of_each_size.arrange()
+    with running_desk_of_each_size.at_hand():
+        yield running_desk_of_each_size
+
+
+@pytest.fixture
+def desk(running_desk: Desk) -> Iterator[Desk]:
+    """A desk in order, and this process's display for one test."""
     running_desk.arrange()
-    return running_desk
+    with running_desk.at_hand():
+        yield running_desk

@@ -113,6 +113,12 @@ class Desk:
             pixels = np.frombuffer(bytes(reply.buf[32 : 32 + length]), np.uint8)
         return pixels.reshape(size.height, size.width, 4)[..., 2::-1]
 
+    @contextmanager
+    def at_hand(self) -> Iterator[None]:
+        """Make it this process's display; several desks may run side by side."""
+        with displayed(DISPLAY=self.environment["DISPLAY"], WAYLAND_DISPLAY=None):
+            yield
+
     def operator_screen(self, photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The part of a photograph that the operator sees."""
         height, width = OPERATOR_PX
@@ -141,7 +147,7 @@ def x_client(display: str | None = None) -> Iterator[Any]:
 
 @contextmanager
 def set_up_desk(folder: Path, projector_px: tuple[int, int]) -> Iterator[Desk]:
-    """Start the X server, arrange its monitors and make it this process's display."""
+    """Start the X server and arrange its monitors."""
     configuration = folder / "xorg.conf"
     configuration.write_text(CONFIGURATION)
     reader, writer = os.pipe()
@@ -160,8 +166,7 @@ def set_up_desk(folder: Path, projector_px: tuple[int, int]) -> Iterator[Desk]:
         environment = {key: value for key, value in os.environ.items() if "WAYLAND" not in key}
         desk = Desk({**environment, "DISPLAY": display}, projector_px)
         desk.arrange()
-        with displayed(DISPLAY=display, WAYLAND_DISPLAY=None):
-            yield desk
+        yield desk
     finally:
         server.terminate()
         server.wait()
