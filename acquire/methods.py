@@ -22,6 +22,8 @@ from processing.ranges import decompose_ranges
 
 Image = NDArray[np.float32]
 HARMONICS = ".harmonics"
+# Where a projector's size was not recorded, its pixels are looked for within the largest there is.
+LARGEST_PROJECTOR_PX = 2400, 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,7 @@ class Ranges:
 
     def __init__(self, session: Session, folder: Path) -> None:
         self._patterns = [frame.pattern for frame in session.frames]
-        self._projector_px = session.projector_px
+        self._projector_px = session.projector_px or LARGEST_PROJECTOR_PX
         self._path = folder / HARMONICS
         self._stack: HarmonicsStack | None = None
 
@@ -170,8 +172,6 @@ class Ranges:
             parked = np.memmap(
                 self._path, np.float32, "w+", shape=(len(pitches), 4, height, width, colours)
             )
-        if self._projector_px is None:
-            raise StackError("The projector's size is unknown; `--method iva` does without.")
         try:
             return HarmonicsStack(
                 self._patterns, (height, width, colours), self._projector_px, parked
@@ -192,11 +192,9 @@ def check_components(n_pitches: int, n_components: int, kind: str = "") -> None:
 
 def obstacle_to_ranges(session: Session) -> str | None:
     """Why the default method cannot take a session; None when it can."""
-    if session.projector_px is None:
-        return "the projector's size in pixels is unknown"
     patterns = [frame.pattern for frame in session.frames]
     try:
-        HarmonicsStack(patterns, (1, 1, 1), session.projector_px)
+        HarmonicsStack(patterns, (1, 1, 1), LARGEST_PROJECTOR_PX)
     except ValueError as error:
         return str(error)
     return None
