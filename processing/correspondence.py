@@ -216,14 +216,15 @@ def _refine(  # type: ignore[no-untyped-def]
                 for sign in range(2):
                     expected = at_y * (at_x if sign == 0 else np.conj(at_x))
                     along_x = slope_x if sign == 0 else -slope_x
-                    seen = harmonics[i, k, sign]
-                    phase = np.angle(seen * np.conj(expected))
-                    weight = rate2 * np.abs(seen) * np.abs(expected)
+                    product = harmonics[i, k, sign] * np.conj(expected)
+                    # Im is amplitude times sine of what is left of the phase, Re its curvature.
+                    weight = rate2 * np.abs(product.real)
+                    pull = rate2 * product.imag
                     yy += weight * slope_y * slope_y
                     yx += weight * slope_y * along_x
                     xx += weight * along_x * along_x
-                    gy += weight * slope_y * phase
-                    gx += weight * along_x * phase
+                    gy += slope_y * pull
+                    gx += along_x * pull
             hold = prior * (yy + xx)
             gy += hold * (start[0, i] - places[0, i])
             gx += hold * (start[1, i] - places[1, i])

@@ -14,11 +14,12 @@ shifts that miss the middle of a check, enter in full.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.accounts import opaque, spread_grid, translucent
+from processing.accounts import Account, opaque, spread_grid, translucent
 from processing.blur import BLUR_UNSURE, Blur, shorth
 from processing.noise import noise_deviation
 from processing.patterns import Family
@@ -41,6 +42,8 @@ _ORDERS = np.arange(1, 200, 2, dtype=np.float64)
 # Blurs that are tried, relative to the finest pitch.
 _BLURS = np.linspace(0.0, 0.6, 121)
 _BRIGHT_FRACTION = 0.05
+# Pitches of which the blur leaves less than this are as good as left out.
+_LEAST_GAIN = 1e-3
 # Without places the width of creases in camera pixels is unknown.
 _CREASE_PX = 17.0
 # Finest over second finest direct image: above this, what is missing may as well be light that
@@ -77,41 +80,64 @@ def decompose_extrema(
     usable = mask[spaced]
     sample = [np.asarray(row[spaced])[usable] for row in rows]
     blur_px, warnings = _blur_px(sample, pitches, families, white[spaced][usable])
-    responses = _responses(families, pitches, spread_grid(pitches), blur_px)
-    gains = _responses(families, pitches, np.array([0.0, blur_px]), 0.0)[:, 1]
     noise = np.array([noise_deviation(np.asarray(row), mask) for row in rows])
-    accounts = opaque(pitches), translucent(pitches)
-
-    def fitted(values: Sequence[Image], light: Image) -> Fits:
-        fits = []
-        for colour in range(light.shape[1]):
-            slopes = np.stack([row[:, colour] for row in values], axis=1) / gains
-            whole = light[:, colour].astype(np.float64)
-            one, other = (
-                fit_rows(slopes, pitches, responses, account, whole, (noise / gains) ** 2)
-                for account in accounts
-            )
-            fits.append((one, other))
-        return fits
-
+    model = _Model.of(pitches, families, blur_px, noise)
     fits = RivalFits(white.shape)
     for lines in blocks(mask.shape):
         chosen = mask[lines]
         if chosen.any():
             block = [np.asarray(row[lines])[chosen] for row in rows]
-            fits.add(lines, chosen, fitted(block, white[lines][chosen]))
+            fits.add(lines, chosen, model.fitted(block, white[lines][chosen]))
     found = translucent_map(fits.gain, mask, _CREASE_PX)
     colours = white.shape[2]
     capture = Capture(
         white=white,
         mask=mask,
         pitch_px=pitches,
-        accounts=accounts,
-        responses=(responses,) * colours,
+        accounts=model.accounts,
+        responses=(model.responses,) * colours,
         blur=(Blur(blur_px**2),) * colours,
         noise=np.full(colours, float(np.median(noise))),
     )
-    return assemble(capture, fits, found, fitted(sample, white[spaced][usable]), warnings)
+    return assemble(capture, fits, found, model.fitted(sample, white[spaced][usable]), warnings)
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """How direct images respond: (pitches,) each, and (pitches, spreads) of responses.
+
+    `gains` is what the blur leaves of direct light, `variance` that of the noise once corrected.
+    """
+
+    pitch_px: Array
+    responses: Array
+    gains: Array
+    variance: Array
+    accounts: tuple[Account, Account]
+
+    @classmethod
+    def of(
+        cls, pitch_px: Array, families: Sequence[Family], blur_px: float, noise: Array
+    ) -> _Model:
+        """Responses through a blur, for rows whose noise has the given standard deviations."""
+        blurred = _responses(families, pitch_px, np.array([0.0, blur_px]), 0.0)[:, 1]
+        gains = np.maximum(blurred, _LEAST_GAIN)
+        responses = _responses(families, pitch_px, spread_grid(pitch_px), blur_px)
+        accounts = opaque(pitch_px), translucent(pitch_px)
+        return cls(pitch_px, responses, gains, (noise / gains) ** 2, accounts)
+
+    def fitted(self, values: Sequence[Image], light: Image) -> Fits:
+        """Both accounts of n pixels, for each colour; `values` and `light` are (n, colours)."""
+        fits = []
+        for colour in range(light.shape[1]):
+            slopes = np.stack([row[:, colour] for row in values], axis=1) / self.gains
+            white = light[:, colour].astype(np.float64)
+            one, other = (
+                fit_rows(slopes, self.pitch_px, self.responses, account, white, self.variance)
+                for account in self.accounts
+            )
+            fits.append((one, other))
+        return fits
 
 
 def _check(

@@ -170,16 +170,18 @@ def _result(fitted: tuple[Array, Array, Array]) -> AccountFit:
     return AccountFit(amounts, parts[:, 0], parts[:, 1], parts[:, 2:], chi2)
 
 
-@njit(cache=True)
-def _expected(down, right, first, pitch, y, x, spread):  # type: ignore[no-untyped-def]
-    """T(y) and T(x) of a spread, linear between bins."""
-    at_y, at_x = (y % (2 * pitch)) * BINS_PER_PX, (x % (2 * pitch)) * BINS_PER_PX
-    bin_y, bin_x = int(at_y), int(at_x)
-    part_y, part_x = at_y - bin_y, at_x - bin_x
-    bin_y, bin_x = bin_y + first, bin_x + first
-    along_y = down[bin_y, spread] * (1 - part_y) + down[bin_y + 1, spread] * part_y
-    along_x = right[bin_x, spread] * (1 - part_x) + right[bin_x + 1, spread] * part_x
-    return along_y, along_x
+@njit(cache=True, fastmath=True)
+def _bin(place, period):  # type: ignore[no-untyped-def]
+    """Bin of a place within the period, and the part of the way to the next."""
+    at = (place % period) * BINS_PER_PX
+    index = int(at)
+    return index, at - index
+
+
+@njit(cache=True, fastmath=True)
+def _between(table, index, part, spread):  # type: ignore[no-untyped-def]
+    """Linear between bins."""
+    return table[index, spread] * (1 - part) + table[index + 1, spread] * part
 
 
 @njit(parallel=True, cache=True)
@@ -188,9 +190,10 @@ def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ign
     found = np.zeros((n_pixels, n_pitches, 2))
     for i in prange(n_pixels):
         for k in range(n_pitches):
-            at_y, at_x = _expected(
-                down, right, first[k], pitch_px[k], places[0, i], places[1, i], 0
-            )
+            bin_y, part_y = _bin(places[0, i], 2 * pitch_px[k])
+            bin_x, part_x = _bin(places[1, i], 2 * pitch_px[k])
+            at_y = _between(down, first[k] + bin_y, part_y, 0)
+            at_x = _between(right, first[k] + bin_x, part_x, 0)
             plus, minus = at_y * at_x * gain[k], at_y * np.conj(at_x) / gain[k]
             for sign, one in enumerate((plus, minus)):
                 seen = harmonics[i, k, sign]
@@ -198,28 +201,33 @@ def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ign
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore[no-untyped-def]
     """D and ⟨Z_0, Z_0⟩ of one pitch; fills the responses of all spreads."""
-    at_y, at_x = _expected(down, right, first, pitch, y, x, 0)
+    bin_y, part_y = _bin(y, 2 * pitch)
+    bin_x, part_x = _bin(x, 2 * pitch)
+    bin_y, bin_x = bin_y + first, bin_x + first
+    at_y, at_x = _between(down, bin_y, part_y, 0), _between(right, bin_x, part_x, 0)
     plus, minus = at_y * at_x * gain, at_y * np.conj(at_x) / gain
     energy = max(np.abs(plus) ** 2 + np.abs(minus) ** 2, 1e-12)
     slope = 2 * ((seen[0] * np.conj(plus)).real + (seen[1] * np.conj(minus)).real) / energy
+    # Re(T_y T_x Z⁺*) and Re(T_y T_x* Z⁻*) of each spread, both diagonals together.
+    gained, lessened = np.conj(plus) * gain / energy, np.conj(minus) / gain / energy
     response[0] = 1.0
     for r in range(1, len(response)):
-        at_y, at_x = _expected(down, right, first, pitch, y, x, r)
-        both = (at_y * at_x * np.conj(plus)).real * gain
-        both += (at_y * np.conj(at_x) * np.conj(minus)).real / gain
-        response[r] = both / energy
+        at_y, at_x = _between(down, bin_y, part_y, r), _between(right, bin_x, part_x, r)
+        response[r] = (at_y * (at_x * gained + np.conj(at_x) * lessened)).real
     return slope, energy
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _add_row(gram, moment, row, value, variance):  # type: ignore[no-untyped-def]
+    weight = 1 / variance
     for a in range(len(row)):
-        moment[a] += row[a] * value / variance
+        weighted = row[a] * weight
+        moment[a] += weighted * value
         for b in range(len(row)):
-            gram[a, b] += row[a] * row[b] / variance
+            gram[a, b] += weighted * row[b]
 
 
 @njit(cache=True)
@@ -284,7 +292,7 @@ def _fit_places(  # type: ignore[no-untyped-def]
     return amounts, parts, chi2, other_amounts, other_parts, other_chi2
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _mix(response, mixtures, row):  # type: ignore[no-untyped-def]
     """Responses of the ranges from those of the spreads; the last of the row stays 0."""
     row[:] = 0

@@ -92,33 +92,41 @@ def _solve_passive(gram, moment, passive, lift, trial, inverse):  # type: ignore
     would cost more than the work.
     """
     n = len(moment)
-    inverse[:] = 0
-    for k in range(n):
-        if passive[k]:
-            for j in range(n):
-                if passive[j]:
-                    inverse[k, j] = gram[k, j]
-            inverse[k, k] += lift
-    for p in range(n):
-        if passive[p]:
-            _pivot(inverse, passive, p)
+    members = np.empty(n, np.int64)
+    count = 0
     for k in range(n):
         trial[k] = 0.0
-        for j in range(n):
-            trial[k] += inverse[k, j] * moment[j]
+        if passive[k]:
+            members[count] = k
+            count += 1
+    small = np.empty((count, count))
+    for a in range(count):
+        for b in range(count):
+            small[a, b] = gram[members[a], members[b]]
+        small[a, a] += lift
+    for p in range(count):
+        _pivot(small, p)
+    inverse[:] = 0
+    for a in range(count):
+        for b in range(count):
+            inverse[members[a], members[b]] = small[a, b]
+            trial[members[a]] += small[a, b] * moment[members[b]]
 
 
 @njit(cache=True)
-def _pivot(matrix, passive, p):  # type: ignore[no-untyped-def]
+def _pivot(matrix, p):  # type: ignore[no-untyped-def]
     """One step of Gauss–Jordan inversion in place."""
+    n = len(matrix)
     pivot = 1 / matrix[p, p]
     matrix[p, p] = 1.0
-    matrix[p] *= pivot
-    for k in range(len(matrix)):
-        if k != p and passive[k]:
+    for j in range(n):
+        matrix[p, j] *= pivot
+    for k in range(n):
+        if k != p:
             factor = matrix[k, p]
             matrix[k, p] = 0.0
-            matrix[k] -= factor * matrix[p]
+            for j in range(n):
+                matrix[k, j] -= factor * matrix[p, j]
 
 
 def diffusion_mixture(spread_px: NDArray[np.float64], range_px: float) -> NDArray[np.float64]:
