@@ -22,6 +22,7 @@ from processing.ranges import decompose_ranges
 
 Image = NDArray[np.float32]
 HARMONICS = ".harmonics"
+PAPERS_COMPONENTS = 3
 # Where a projector's size was not recorded, its pixels are looked for within the largest there is.
 LARGEST_PROJECTOR_PX = 2400, 4096
 
@@ -77,7 +78,9 @@ class Method(Protocol):
 class Iva:
     """Independent vector analysis, as in the paper (see `processing.decomposition`)."""
 
-    def __init__(self, n_components: int, n_iterations: int, smoothing_px: float | None) -> None:
+    def __init__(
+        self, n_components: int | None, n_iterations: int, smoothing_px: float | None
+    ) -> None:
         self._n_components, self._n_iterations = n_components, n_iterations
         self._smoothing_px = smoothing_px
 
@@ -90,12 +93,13 @@ class Iva:
     def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
         """Unmix the direct images of the resolved pitches and white."""
         resolved = separated.resolved
-        check_components(len(resolved), self._n_components, "resolved ")
+        n_components = self._n_components or min(PAPERS_COMPONENTS, len(resolved) + 1)
+        check_components(len(resolved), n_components, "resolved ")
         found = decompose_iva(
             [*open_rows(folder, resolved), separated.white],
             [*(float(pitch.pitch_px) for pitch in resolved), np.inf],
             separated.mask == PixelClass.MEASURED,
-            n_components=self._n_components,
+            n_components=n_components,
             n_iterations=self._n_iterations,
             smoothing_px=self._smoothing_px,
         )
@@ -111,7 +115,7 @@ class Iva:
             noise=found.noise,
             shares=tuple(found.shares.tolist()),
             cost=tuple(found.cost.tolist()),
-            used={"smoothing_px_used": found.smoothing_px},
+            used={"n_components": n_components, "smoothing_px_used": found.smoothing_px},
             warnings=found.warnings,
         )
 

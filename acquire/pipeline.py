@@ -35,6 +35,10 @@ from acquire.session.folder import storage
 from acquire.session.records import versions
 from acquire.stack import Stack
 
+OWN_NUMBER = (
+    "The number of components that was asked for had no effect: ranges decides it by the evidence "
+    "for subsurface scattering. `--method iva` takes a number."
+)
 METHODS = ("ranges", "iva")
 OWN_NAMES = {
     RECORD,
@@ -57,14 +61,15 @@ class Options:
     method
         One of `METHODS`; None takes ``ranges`` where the session allows it, else ``iva``.
     n_components, n_iterations, smoothing_px
-        Of ``iva``: its number of components, 2 to the number of pitches plus one; its iterations;
-        σ of the Gaussian before the gradients in pixels, None to choose it from the noise.
+        Of ``iva``: its number of components, 2 to the number of pitches plus one, None for the
+        paper's 3 where there are pitches enough; its iterations; σ of the Gaussian before the
+        gradients in pixels, None to choose it from the noise.
     leak
         b of the projector where no black frame was captured.
     """
 
     method: str | None = None
-    n_components: int = 3
+    n_components: int | None = None
     n_iterations: int = 10
     smoothing_px: float | None = None
     leak: float = 0.0
@@ -85,7 +90,7 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
     stack = Stack(session)
     name, remark = _method_name(session, options)
     if name == "iva":
-        check_components(len(stack.groups), options.n_components)
+        check_components(len(stack.groups), options.n_components or 2)
     _prepare(folder, session.folder)
     method = _method(name, session, folder, options)
     try:
@@ -112,10 +117,12 @@ def _method_name(session: Session, options: Options) -> tuple[str, tuple[str, ..
     if options.method not in (None, *METHODS):
         raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
     if options.method is not None:
-        return options.method, ()
+        given = options.method == "ranges" and options.n_components is not None
+        return options.method, (OWN_NUMBER,) if given else ()
     obstacle = obstacle_to_ranges(session)
     if obstacle is None:
-        return "ranges", ()
+        given = options.n_components is not None
+        return "ranges", (OWN_NUMBER,) if given else ()
     return "iva", (
         f"Decomposed by independent vector analysis, because the default method cannot be used: "
         f"{obstacle}.",

@@ -53,7 +53,9 @@ def process_command(
         str | None,
         typer.Option(help=f"One of: {', '.join(METHODS)}. Default: ranges where possible."),
     ] = None,
-    components: Annotated[int, typer.Option(help="Number of components of iva.")] = 3,
+    components: Annotated[
+        int | None, typer.Option(min=1, help="Number of components of iva; default 3.")
+    ] = None,
     iterations: Annotated[int, typer.Option(min=1, max=10_000, help="AuxIVA iterations.")] = 10,
     smoothing_px: Annotated[
         float | None,

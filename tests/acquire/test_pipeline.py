@@ -173,6 +173,13 @@ def test_the_default_yields_light_with_errors(tmp_path: Path) -> None:
     assert not list(result.folder.glob(".*"))
 
 
+def test_a_number_of_components_that_has_no_effect_is_said(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(**SHARP))
+    for options in (Options(n_components=2), Options("ranges", n_components=2)):
+        result = process(session, tmp_path / "r", options, Silent())
+        assert any("had no effect" in warning for warning in result.record.warnings)
+
+
 def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path) -> None:
     text = '[pattern]\nfamily = "stripes-rows"\npitch_px = [8, 12, 16]\nshifts = [2, 1]\n'
     session, _ = captured(tmp_path / "s", small_plan(text), small_bench(**SHARP))
