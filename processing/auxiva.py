@@ -99,7 +99,8 @@ def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
     covariances /= gain
     for iteration in range(1, n_iterations + 1):
         unmixing = _swept(unmixing, covariances)
-        penalty, covariances = _statistics(data, unmixing, floor)
+        more = iteration < n_iterations
+        penalty, covariances = _statistics(data, unmixing, floor, with_covariances=more)
         cost[iteration] = penalty - np.linalg.slogdet(unmixing)[1].sum()
     return AuxivaResult(unmixing, cost)
 
@@ -159,9 +160,15 @@ def _swept(unmixing: NDArray[np.float64], covariances: NDArray[np.float64]) -> N
 
 
 def _statistics(
-    mixtures: Mixtures, unmixing: NDArray[np.float64], floor: float
+    mixtures: Mixtures,
+    unmixing: NDArray[np.float64],
+    floor: float,
+    *,
+    with_covariances: bool = True,
 ) -> tuple[float, NDArray[np.float64]]:
     """Mean of Σ_k h(r_k), and weighted covariances ⟨x x'/max(r_k, ε)⟩, in one read.
+
+    Without covariances, which the last iteration has no use for, zeros stand in for them.
 
     Returns
     -------
@@ -173,7 +180,8 @@ def _statistics(
     sums = np.zeros((n_blocks, n_components, n_colors, n_components, n_components))
     penalties = np.zeros(n_blocks)
     # The length of a tuple is part of its type: loops over it are unrolled when compiled.
-    _accumulate(mixtures, unmixing, floor, (0,) * n_components, sums, penalties)
+    components = (0,) * n_components
+    _accumulate(mixtures, unmixing, floor, components, with_covariances, sums, penalties)
     lower = sums.sum(axis=0) / n_samples
     strictly_lower = np.tril(lower, -1)
     return float(penalties.sum() / n_samples), lower + strictly_lower.swapaxes(-1, -2)
@@ -186,15 +194,17 @@ _compiled = numba.njit(
 
 
 @numba.njit(parallel=True, cache=True)
-def _accumulate(mixtures, unmixing, floor, components, sums, penalties):  # type: ignore[no-untyped-def]
+def _accumulate(  # type: ignore[no-untyped-def]
+    mixtures, unmixing, floor, components, with_covariances, sums, penalties
+):
     """Sum h(r_k) and the lower triangles of x x'/max(r_k, ε) over each block of samples."""
     for block in numba.prange(penalties.size):
         model = (unmixing, floor, components)
-        penalties[block] = _add_block(mixtures, block, model, sums[block])
+        penalties[block] = _add_block(mixtures, block, model, with_covariances, sums[block])
 
 
 @_compiled
-def _add_block(mixtures, block, model, sums):  # type: ignore[no-untyped-def]
+def _add_block(mixtures, block, model, with_covariances, sums):  # type: ignore[no-untyped-def]
     n_colors, n_components, n_samples = mixtures.shape
     chunk = np.empty((n_colors, n_components, _CHUNK_SAMPLES))
     weights = np.empty((n_components, _CHUNK_SAMPLES))
@@ -205,6 +215,8 @@ def _add_block(mixtures, block, model, sums):  # type: ignore[no-untyped-def]
         _load(mixtures, start, end, chunk)
         penalty += _weigh(chunk, model, weights)
         penalty -= n_components * (start + _CHUNK_SAMPLES - end) * model[1] / 2
+        if not with_covariances:
+            continue
         if n_components == 3:
             _add_covariances_of_three(chunk, weights, sums)
         else:
