@@ -6,20 +6,18 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from acquire.errors import BenchError
-from acquire.validation import explain
+from acquire.validation import StrictModel, explain
 
 MAX_BENCH_BYTES = 1_000_000
 Probability = Annotated[float, Field(ge=0, le=1)]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
-class SimSection(BaseModel):
+class SimSection(StrictModel):
     """`[sim]`: the scene, the devices and what is wrong with them, each defect off by default."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     scene: Literal["corner", "groove", "board"] = "corner"
     seed: int = Field(default=0, ge=0, lt=2**63)
@@ -41,44 +39,36 @@ class SimSection(BaseModel):
     move_px: float = Field(default=0.0, ge=-1000, le=1000)
 
 
-class SimBench(BaseModel):
+class SimBench(StrictModel):
     """A bench that is computed."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["sim"] = "sim"
     sim: SimSection = SimSection()
 
 
-class ProjectorSection(BaseModel):
+class ProjectorSection(StrictModel):
     """`[projector]`: the monitor; without a name the only one besides the operator's."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     monitor: str | None = None
 
 
-class CameraSection(BaseModel):
+class CameraSection(StrictModel):
     """`[camera]`: which one, and what a frame costs for the estimates of `lumisplit plan`.
 
     `address` is a serial number or its end, ``usb:BUS,DEVICE`` or ``ptpip:HOST[:PORT]``; without
     it the only camera on the USB.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
     address: str | None = None
     frame_mb: float = Field(default=25.0, gt=0, le=1000)
     transfer_s: float = Field(default=1.0, ge=0, le=3600)
 
 
-class FolderSection(BaseModel):
+class FolderSection(StrictModel):
     """`[folder]`: a camera without PTP, released by a trigger box, its files picked up here.
 
     Its exposure is set by hand to what the plan says.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     path: Path
     trigger_port: str
@@ -87,10 +77,8 @@ class FolderSection(BaseModel):
     quiet_s: float = Field(default=1.0, gt=0, le=60)
 
 
-class LampSection(BaseModel):
+class LampSection(StrictModel):
     """`[lamp]`: the projector's serial port."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     port: str
     commands: Literal["pjlink-serial", "benq"]
@@ -101,10 +89,8 @@ class LampSection(BaseModel):
     off_afterwards: bool = False
 
 
-class LabBench(BaseModel):
+class LabBench(StrictModel):
     """A bench of real devices."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["lab"] = "lab"
     projector: ProjectorSection = ProjectorSection()

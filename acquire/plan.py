@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import BeforeValidator, Field, PlainSerializer
 
+from acquire.validation import StrictModel
 from drivers.protocols import CameraSettings
 from processing.patterns import Pattern
 
@@ -35,10 +36,8 @@ class Step:
     settings: CameraSettings
 
 
-class CameraPlan(BaseModel):
+class CameraPlan(StrictModel):
     """How every frame is exposed and how often a silent camera is asked again."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     exposure_s: float = Field(default=0.1, gt=0, le=3600)
     aperture: float | None = Field(default=8.0, gt=0, le=1000)
@@ -51,20 +50,16 @@ class CameraPlan(BaseModel):
         return CameraSettings(self.exposure_s, self.aperture, self.iso)
 
 
-class ProjectorPlan(BaseModel):
+class ProjectorPlan(StrictModel):
     """How long a pattern stands before it counts, and the projector's response."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     settle_s: float = Field(default=0.1, ge=0, le=3600)
     gamma: float = Field(default=1.0, ge=0.1, le=10)
     resolution_px: tuple[int, int] | None = None
 
 
-class Plan(BaseModel):
+class Plan(StrictModel):
     """Every exposure of a session, in order."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     camera: CameraPlan = CameraPlan()
     projector: ProjectorPlan = ProjectorPlan()

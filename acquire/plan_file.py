@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from acquire.errors import PlanError
 from acquire.plan import MAX_STEPS, CameraPlan, Plan, ProjectorPlan
-from acquire.validation import explain
+from acquire.validation import StrictModel, explain
 from processing.patterns import Family, Pattern, shift_grid, untoggled_fraction
 
 WHITE = Pattern(Family.WHITE)
@@ -22,10 +22,8 @@ MAX_PLAN_BYTES = 1_000_000
 MIN_SINUSOID_PHASES = 3
 
 
-class PatternGrid(BaseModel):
+class PatternGrid(StrictModel):
     """The patterns: one family at several pitches, each at a grid of shifts."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     family: Literal[
         Family.CHECKER,
@@ -66,18 +64,14 @@ class PatternGrid(BaseModel):
         return tuple(dict.fromkeys(patterns))
 
 
-class References(BaseModel):
+class References(StrictModel):
     """White and black: at the start, and again after every so many pattern frames."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     every_frames: int | None = Field(default=None, ge=1)
 
 
-class PlanFile(BaseModel):
+class PlanFile(StrictModel):
     """A plan as written by a person; `plan` writes it out in full."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     pattern: PatternGrid
     references: References = References()

@@ -20,18 +20,17 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
+from pydantic import ConfigDict, Field, JsonValue, ValidationError
 
 from acquire.errors import ResultError, SessionError
 from acquire.plan import CameraPlan, ProjectorPlan
 from acquire.session.folder import read_plain, storage, write_durably
 from acquire.session.records import RunRecord, Sha256, SourceRecord
-from acquire.validation import explain
+from acquire.validation import StrictModel, explain
 from processing.patterns import Family
 
 RECORD = "result.json"
 MAX_JSON_BYTES = 64 << 20
-MAX_IMAGE_BYTES = 8 << 30
 
 Scalar = TypeVar("Scalar", np.float32, np.uint8)
 Side = Annotated[int, Field(ge=1, le=65_535)]
@@ -47,11 +46,7 @@ class PixelClass(IntEnum):
     UNLIT = 2
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class PitchRecord(_Record):
+class PitchRecord(StrictModel):
     """The separation at one pitch of one family of patterns.
 
     `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
@@ -68,12 +63,10 @@ class PitchRecord(_Record):
     direct_peak: float | None = None
     resolved: bool = True
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True
-    )
+    model_config = ConfigDict(populate_by_name=True)
 
 
-class MixingRecord(_Record):
+class MixingRecord(StrictModel):
     """α: how much of each component the direct image at each row holds.
 
     `alpha[colour][row][component]`; the rows are `families[row]` at `pitch_px[row]`, the last
@@ -85,7 +78,7 @@ class MixingRecord(_Record):
     alpha: tuple[tuple[tuple[float, ...], ...], ...]
 
 
-class MaskRecord(_Record):
+class MaskRecord(StrictModel):
     """How many pixels there are and how many could not be measured."""
 
     pixels: int
@@ -93,7 +86,7 @@ class MaskRecord(_Record):
     unlit: int
 
 
-class SessionSummary(_Record):
+class SessionSummary(StrictModel):
     """What the report repeats of the session."""
 
     plan_sha256: Sha256
@@ -106,7 +99,7 @@ class SessionSummary(_Record):
     versions: dict[str, str]
 
 
-class ResultRecord(_Record):
+class ResultRecord(StrictModel):
     """result.json."""
 
     format: Literal[1] = 1

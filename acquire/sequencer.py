@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import suppress
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
 
@@ -20,10 +19,8 @@ from drivers.errors import CameraTimeoutError
 from drivers.raster import raster_digest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from acquire.plan import Step
-    from drivers.protocols import CameraSettings, Clock, Devices, RawFrame
+    from drivers.protocols import CameraSettings, Devices, RawFrame
 
 
 class Outcome(StrEnum):
@@ -66,28 +63,16 @@ def capture(
     StorageError
         The disk does not take a frame; the session stays whole.
     """
-    with _run(session, devices.clock) as ending:
-        ending.outcome = _Capture(session, devices, observer, stop).run()
-        return ending.outcome
-
-
-@dataclass(slots=True)
-class _Ending:
-    outcome: Outcome | None = None
-
-
-@contextmanager
-def _run(session: Session, clock: Clock) -> Iterator[_Ending]:
-    session.begin_run(clock.now())
-    ending = _Ending()
+    session.begin_run(devices.clock.now())
     try:
-        yield ending
+        outcome = _Capture(session, devices, observer, stop).run()
     except BaseException as error:
         reason = str(error) or type(error).__name__
         with suppress(StorageError):
-            session.end_run(clock.now(), "failed", reason)
+            session.end_run(devices.clock.now(), "failed", reason)
         raise
-    session.end_run(clock.now(), ending.outcome or Outcome.STOPPED)
+    session.end_run(devices.clock.now(), outcome)
+    return outcome
 
 
 class _Capture:

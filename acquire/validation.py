@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 MAX_SHOWN = 8
+
+
+class StrictModel(BaseModel):
+    """What a person or a file hands over: unchangeable, no unknown keys, only finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def explain(error: ValidationError) -> str:

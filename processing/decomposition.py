@@ -115,9 +115,7 @@ def decompose_iva(
         smoothing_px, enough = choose_smoothing(images[-1], mask, noise, stride_px)
         warnings += () if enough else (_DROWNED,)
     samples = gradient_samples(images, mask, smoothing_px, stride_px)
-    white_filter = whitening(samples)
-    for color, matrix in zip(samples, white_filter.astype(np.float32), strict=True):
-        color[:] = matrix @ color
+    white_filter = _whiten(samples)
     found = auxiva(samples, n_iterations)
     means = _means(images, mask)
     unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], means)
@@ -139,6 +137,14 @@ _DROWNED = (
     "noise drowns the gradients of the weakest component at every scale; "
     "ask for fewer components or average several captures"
 )
+
+
+def _whiten(samples: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Whiten each colour's samples in place; return the filters, (colours, n, n)."""
+    filters = whitening(samples)
+    for color, matrix in zip(samples, filters.astype(np.float32), strict=True):
+        color[:] = matrix @ color
+    return filters
 
 
 def _check(rows: Rows, pitch_px: NDArray[np.float64], n_components: int) -> None:

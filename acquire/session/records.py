@@ -8,9 +8,10 @@ from enum import StrEnum
 from importlib import metadata
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue
+from pydantic import AfterValidator, Field, JsonValue
 
 from acquire.plan import MAX_STEPS, PatternText
+from acquire.validation import StrictModel
 from drivers.protocols import CameraSettings, RawFrame
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -34,10 +35,6 @@ SUFFIXES = {
 }
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
 def _finite(settings: CameraSettings) -> CameraSettings:
     numbers = (settings.exposure_s, settings.aperture or 1.0, settings.iso or 1)
     if not all(math.isfinite(number) and number > 0 for number in numbers):
@@ -53,7 +50,7 @@ class Transfer(StrEnum):
     SRGB = "srgb"
 
 
-class FrameRecord(_Record):
+class FrameRecord(StrictModel):
     """One line of frames.jsonl."""
 
     step: int = Field(ge=0, lt=MAX_STEPS)
@@ -86,7 +83,7 @@ class FrameRecord(_Record):
         )
 
 
-class RunRecord(_Record):
+class RunRecord(StrictModel):
     """One start of the capture: a session that was interrupted has several."""
 
     started_s: float
@@ -96,7 +93,7 @@ class RunRecord(_Record):
     reason: str = ""
 
 
-class SourceRecord(_Record):
+class SourceRecord(StrictModel):
     """Where imported frames came from and how their numbers were read."""
 
     table: str
@@ -105,7 +102,7 @@ class SourceRecord(_Record):
     notes: tuple[str, ...] = ()
 
 
-class SessionRecord(_Record):
+class SessionRecord(StrictModel):
     """session.json."""
 
     format: Literal[1] = 1
