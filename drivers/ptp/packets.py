@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, Self, TypeAlias
 
 from drivers.ptp.codes import DataPhase, PacketType
 from drivers.ptp.cursor import Cursor
@@ -144,43 +144,37 @@ class CommandRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandResponse:
+class _Coded:
+    """A code, the transaction it belongs to, and parameters: answers and events alike."""
+
+    kind: ClassVar[PacketType]
+    code: int
+    transaction: int
+    parameters: tuple[int, ...] = ()
+
+    def encode(self) -> bytes:
+        """As it travels."""
+        fields = struct.pack("<HI", self.code, self.transaction)
+        return packet_bytes(self.kind, fields, parameters_bytes(self.parameters))
+
+    @classmethod
+    def decode(cls, body: Cursor) -> Self:
+        """From a packet's body."""
+        return cls(body.u16(), body.u32(), decode_parameters(body.take(body.left)))
+
+
+class CommandResponse(_Coded):
     """The answer to an operation over PTP/IP."""
 
+    __slots__ = ()
     kind: ClassVar = PacketType.COMMAND_RESPONSE
-    code: int
-    transaction: int
-    parameters: tuple[int, ...] = ()
-
-    def encode(self) -> bytes:
-        """As it travels."""
-        fields = struct.pack("<HI", self.code, self.transaction)
-        return packet_bytes(self.kind, fields, parameters_bytes(self.parameters))
-
-    @classmethod
-    def decode(cls, body: Cursor) -> CommandResponse:
-        """From a packet's body."""
-        return cls(body.u16(), body.u32(), decode_parameters(body.take(body.left)))
 
 
-@dataclass(frozen=True, slots=True)
-class EventPacket:
+class EventPacket(_Coded):
     """An event over PTP/IP."""
 
+    __slots__ = ()
     kind: ClassVar = PacketType.EVENT
-    code: int
-    transaction: int
-    parameters: tuple[int, ...] = ()
-
-    def encode(self) -> bytes:
-        """As it travels."""
-        fields = struct.pack("<HI", self.code, self.transaction)
-        return packet_bytes(self.kind, fields, parameters_bytes(self.parameters))
-
-    @classmethod
-    def decode(cls, body: Cursor) -> EventPacket:
-        """From a packet's body."""
-        return cls(body.u16(), body.u32(), decode_parameters(body.take(body.left)))
 
 
 @dataclass(frozen=True, slots=True)
