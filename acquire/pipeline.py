@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from pydantic import JsonValue
 
 from acquire.cautions import cautions
 from acquire.errors import ResultError, StackError
@@ -34,12 +35,18 @@ from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.session.records import versions
 from acquire.stack import Stack
+from drivers.raw import Demosaic
 
 OWN_NUMBER = (
     "The number of components that was asked for had no effect: ranges decides it by the evidence "
     "for subsurface scattering. `--method iva` takes a number."
 )
 METHODS = ("ranges", "iva")
+INTERPOLATED = (
+    "Two thirds of every frame's values are interpolated (`--demosaic bilinear`): neighbouring "
+    "pixels share their light and their noise. Without it every value is one that was measured."
+)
+NO_MOSAICS = "`--demosaic` had no effect: the frames are pictures, whose pixels are given."
 OWN_NAMES = {
     RECORD,
     "components",
@@ -66,6 +73,8 @@ class Options:
         gradients in pixels, None to choose it from the noise.
     leak
         b of the projector where no black frame was captured.
+    demosaic
+        How raw frames become pixels.
     """
 
     method: str | None = None
@@ -73,6 +82,7 @@ class Options:
     n_iterations: int = 10
     smoothing_px: float | None = None
     leak: float = 0.0
+    demosaic: Demosaic = Demosaic.SUPERPIXEL
 
 
 class Observer(Protocol):
@@ -87,7 +97,7 @@ class Observer(Protocol):
 
 def process(session: Session, folder: Path, options: Options, observer: Observer) -> Result:
     """Separate and decompose a session; whatever `folder` held of an earlier result is replaced."""
-    stack = Stack(session)
+    stack = Stack(session, options.demosaic)
     name, remark = _method_name(session, options)
     if name == "iva":
         check_components(len(stack.groups), options.n_components or 2)
@@ -106,8 +116,10 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
         observer.advance()
     finally:
         method.close()
-    warnings = (*cautions(session, separated), *remark, *components.warnings)
-    record = _record(session, separated, components, replace(options, method=name), warnings)
+    pixels = _interpolation(stack, options)
+    warnings = (*cautions(session, separated), *pixels, *remark, *components.warnings)
+    used = {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
+    record = _record(session, separated, components, asdict(options) | used, warnings)
     _write(folder, separated, components, record)
     return Result(folder, record)
 
@@ -127,6 +139,13 @@ def _method_name(session: Session, options: Options) -> tuple[str, tuple[str, ..
         f"Decomposed by independent vector analysis, because the default method cannot be used: "
         f"{obstacle}.",
     )
+
+
+def _interpolation(stack: Stack, options: Options) -> tuple[str, ...]:
+    """What a reader must know of pixels that were not measured."""
+    if options.demosaic is Demosaic.SUPERPIXEL:
+        return ()
+    return (INTERPOLATED if stack.has_mosaics else NO_MOSAICS,)
 
 
 def _method(name: str, session: Session, folder: Path, options: Options) -> Method:
@@ -180,13 +199,13 @@ def _record(
     session: Session,
     separated: SeparatedPitches,
     components: Components,
-    options: Options,
+    options: dict[str, JsonValue],
     warnings: tuple[str, ...],
 ) -> ResultRecord:
     height, width = separated.mask.shape
     return ResultRecord(
-        method=str(options.method),
-        options=asdict(options) | components.used,
+        method=str(options["method"]),
+        options=options | components.used,
         components=tuple(components.images),
         shape=(height, width),
         pitches=separated.pitches,

@@ -16,7 +16,7 @@ from drivers.errors import DecodeError
 from drivers.image import LinearImage
 from drivers.media import PICTURE_TYPES
 from drivers.picture import decode_picture
-from drivers.raw import decode_raw
+from drivers.raw import Demosaic, decode_raw
 from processing.patterns import Family
 
 DECODERS = 2
@@ -51,12 +51,14 @@ class Reference:
 class Stack:
     """Decodes a session lazily; knows which frames belong together.
 
+    Raw frames become pixels as `demosaic` says; pictures have theirs already.
     `saturated`, (height, width), collects the pixels that reached the white level in any frame
     decoded so far.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> None:
         self._session = session
+        self._demosaic = demosaic
         self._transfer = session.record.source.transfer if session.record.source else Transfer.RAW
         self.groups = _groups(session.frames)
         if not self.groups:
@@ -64,6 +66,11 @@ class Stack:
                 f"{session.folder} holds no pattern frames yet; there is nothing to separate."
             )
         self.saturated: NDArray[np.bool_] | None = None
+
+    @property
+    def has_mosaics(self) -> bool:
+        """Whether any frame is a raw file, which `demosaic` makes pixels of."""
+        return not all(self._is_picture(frame) for frame in self._session.frames)
 
     def __len__(self) -> int:
         return len(self._session.frames)
@@ -99,11 +106,14 @@ class Stack:
     def _decode(self, frame: FrameRecord) -> LinearImage:
         data = self._session.read(frame)
         try:
-            if self._transfer is not Transfer.RAW and frame.media_type in PICTURE_TYPES:
+            if self._is_picture(frame):
                 return decode_picture(data, "srgb" if self._transfer is Transfer.SRGB else "linear")
-            return decode_raw(data)
+            return decode_raw(data, self._demosaic)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
+
+    def _is_picture(self, frame: FrameRecord) -> bool:
+        return self._transfer is not Transfer.RAW and frame.media_type in PICTURE_TYPES
 
     def _note(
         self, frame: FrameRecord, decoding: Future[LinearImage]

@@ -22,6 +22,7 @@ from acquire.report import write_report
 from acquire.result import Result
 from acquire.rig import find_bench
 from acquire.session import Session
+from drivers.raw import Demosaic
 
 
 def register(app: typer.Typer) -> None:
@@ -65,10 +66,17 @@ def process_command(
         float,
         typer.Option(min=0, max=0.99, help="b of the projector, where no black was captured."),
     ] = 0.0,
+    demosaic: Annotated[
+        Demosaic,
+        typer.Option(
+            help="Pixels of raw frames. superpixel: one of each 2 × 2 photosites, every value "
+            "measured. bilinear: one of each photosite, two thirds of the values interpolated."
+        ),
+    ] = Demosaic.SUPERPIXEL,
     quiet: Quiet = False,
 ) -> None:
     """Separate every pitch of a session, decompose it and write the report."""
-    options = Options(method, components, iterations, smoothing_px, leak)
+    options = Options(method, components, iterations, smoothing_px, leak, demosaic)
     result = _process(Session.open(folder), out, options, quiet=quiet)
     typer.echo(f"components: {', '.join(result.record.components)}")
     typer.echo(f"report: {write_report(result)}")

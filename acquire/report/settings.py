@@ -22,6 +22,7 @@ FLAGS = {
     "n_iterations": "--iterations",
     "smoothing_px": "--smoothing-px",
     "leak": "--leak",
+    "demosaic": "--demosaic",
 }
 
 

@@ -8,9 +8,11 @@ import pytest
 
 from acquire.errors import LumisplitError, ResultError, StackError
 from acquire.evaluation import evaluate, read_truth
-from acquire.pipeline import Options, process
+from acquire.pipeline import INTERPOLATED, Options, process
+from acquire.report.settings import commands
 from acquire.result import Result
 from acquire.session import Session
+from drivers.raw import Demosaic
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")
@@ -55,6 +57,21 @@ def test_every_frame_is_decoded_once_and_counted(tmp_path: Path) -> None:
     process(session, tmp_path / "r", Options(), observer)
     assert observer.stages == [("separating", len(PLAN)), ("decomposing", 1)]
     assert observer.units == len(PLAN) + 1
+
+
+def test_demosaiced_frames_have_a_pixel_for_each_photosite(tmp_path: Path) -> None:
+    session, measured = processed(tmp_path)
+    options = Options("iva", demosaic=Demosaic.BILINEAR)
+    full = process(session, tmp_path / "full", options, Silent())
+    assert full.record.shape == (64, 80)
+    # Red and blue lie at opposite corners of an RGGB quad, and are what the superpixels have.
+    np.testing.assert_array_equal(full.white[::2, ::2, 0], measured.white[..., 0])
+    np.testing.assert_array_equal(full.white[1::2, 1::2, 2], measured.white[..., 2])
+    assert full.record.options["demosaic"] == "bilinear"
+    assert measured.record.options["demosaic"] == "superpixel"
+    assert INTERPOLATED in full.record.warnings
+    assert INTERPOLATED not in measured.record.warnings
+    assert any("--demosaic bilinear" in command.line for command in commands(full.record))
 
 
 def test_processing_twice_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -10,10 +10,11 @@ import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from drivers.errors import DecodeError
 from drivers.protocols import CameraSettings
-from drivers.raw import decode_raw
+from drivers.raw import Demosaic, decode_raw
 from drivers.sim.dng import encode_dng
 
 EXPOSURE = CameraSettings(0.1, 8.0, 200)
@@ -129,6 +130,66 @@ def test_one_photosite_near_the_white_level_marks_its_pixel(
     marked = decode_raw(encode_dng(mosaic, EXPOSURE)).saturated
     assert marked[5, 10] == saturated
     assert marked.sum() == int(saturated)
+
+
+# Of a plane that is 0 where it has no photosites: a mean of the two or four nearest that it has.
+GREEN_WEIGHTS = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
+RED_OR_BLUE_WEIGHTS = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
+
+
+@pytest.mark.parametrize("pattern", PHASES.values(), ids=PHASES.keys())
+@pytest.mark.parametrize(
+    ("height", "width"), [(40, 60), pytest.param(41, 61, id="odd"), (40, 61), (41, 60)]
+)
+@pytest.mark.parametrize(
+    "black", [pytest.param((512,), id="one-black"), pytest.param((500, 510, 520, 530), id="four")]
+)
+def test_missing_colours_are_means_of_the_nearest_that_have_them(
+    pattern: tuple[int, ...], height: int, width: int, black: tuple[int, ...]
+) -> None:
+    mosaic = counts(height, width)
+    image = decode_raw(dng(mosaic, pattern, black), Demosaic.BILINEAR)
+    tiles = height // 2 + 1, width // 2 + 1
+    levels = np.tile(np.reshape(black if len(black) == 4 else black * 4, (2, 2)), tiles)
+    colours = np.tile(np.reshape(pattern, (2, 2)), tiles)[:height, :width]
+    levels = levels[:height, :width].astype(float)
+    light = (mosaic - levels) / (16000 - levels)
+    expected = [
+        ndimage.convolve(np.where(colours == colour, light, 0), weights, mode="mirror")
+        for colour, weights in enumerate((RED_OR_BLUE_WEIGHTS, GREEN_WEIGHTS, RED_OR_BLUE_WEIGHTS))
+    ]
+    assert image.values.dtype == np.float32
+    np.testing.assert_allclose(image.values, np.stack(expected, axis=-1), atol=3e-7)
+
+
+def test_interpolation_keeps_a_ramp_and_values_below_black() -> None:
+    down, right = np.mgrid[:40, :60]
+    ramp = (500 + 30 * down + 40 * right).astype(np.uint16)
+    values = decode_raw(encode_dng(ramp, EXPOSURE), Demosaic.BILINEAR).values
+    expected = (ramp - 512.0) / (16383 - 512)
+    for colour in range(3):
+        np.testing.assert_allclose(values[1:-1, 1:-1, colour], expected[1:-1, 1:-1], atol=2e-7)
+    dark = encode_dng(np.full((40, 60), 507, np.uint16), EXPOSURE)
+    below = decode_raw(dark, Demosaic.BILINEAR).values
+    np.testing.assert_allclose(below, -5 / (16383 - 512), rtol=1e-6)
+
+
+@pytest.mark.parametrize("pattern", PHASES.values(), ids=PHASES.keys())
+@pytest.mark.parametrize(
+    "site",
+    [(10, 20), (10, 21), (11, 20), (11, 21), (0, 0), (0, 60), (40, 0), (40, 60), (0, 7), (39, 60)],
+)
+def test_a_saturated_photosite_marks_every_pixel_that_it_went_into(
+    pattern: tuple[int, ...], site: tuple[int, int]
+) -> None:
+    mosaic = np.full((41, 61), 2000, np.uint16)
+    before = decode_raw(dng(mosaic, pattern), Demosaic.BILINEAR)
+    mosaic[site] = 16000
+    after = decode_raw(dng(mosaic, pattern), Demosaic.BILINEAR)
+    touched = np.any(after.values != before.values, axis=-1)
+    assert touched.sum() >= 3
+    np.testing.assert_array_equal(after.saturated, touched)
+    assert not before.saturated.any()
 
 
 XTRANS = (1, 1, 0, 1, 1, 2, 1, 1, 2, 1, 1, 0, 2, 0, 1, 0, 2, 1) * 2
