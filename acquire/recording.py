@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from acquire.errors import SessionError
+from acquire.pause import Pause
 from acquire.plan import Plan
 from acquire.plan_file import check_fits
 from acquire.rig import Bench, Resumption
@@ -23,7 +24,12 @@ ROOM_KEPT_BYTES = 64 << 20
 
 
 def record(
-    plan: Plan, bench: Bench, folder: Path, observer: Observer, stop: threading.Event
+    plan: Plan,
+    bench: Bench,
+    folder: Path,
+    observer: Observer,
+    stop: threading.Event,
+    pause: Pause | None = None,
 ) -> tuple[Session, Outcome]:
     """Capture a plan into a folder; goes on where an interrupted capture stopped.
 
@@ -47,7 +53,7 @@ def record(
         _write_truth(plan, bench, folder)
         last_file = session.read(session.frames[-1]) if session.frames else None
         with bench.open(Resumption(plan, session.frames, last_file)) as devices:
-            outcome = capture(session, devices, observer, stop)
+            outcome = capture(session, devices, observer, stop, pause)
     return session, outcome
 
 

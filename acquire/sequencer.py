@@ -13,7 +13,10 @@ from contextlib import suppress
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from acquire.errors import BenchError, StorageError
+from acquire.pause import Pause
 from acquire.session import FrameRecord, Session
 from drivers.errors import CameraTimeoutError
 from drivers.raster import raster_digest
@@ -21,6 +24,9 @@ from drivers.raster import raster_digest
 if TYPE_CHECKING:
     from acquire.plan import Step
     from drivers.protocols import CameraSettings, Devices, RawFrame
+
+
+LOOK_S = 0.1  # how often a resting capture looks whether it should stop
 
 
 class Outcome(StrEnum):
@@ -41,7 +47,11 @@ class Observer(Protocol):
 
 
 def capture(
-    session: Session, devices: Devices, observer: Observer, stop: threading.Event
+    session: Session,
+    devices: Devices,
+    observer: Observer,
+    stop: threading.Event,
+    pause: Pause | None = None,
 ) -> Outcome:
     """Capture what the session's plan still lacks.
 
@@ -55,6 +65,8 @@ def capture(
         Told of every frame that is kept.
     stop
         When set, the frame in flight is finished and kept, then the capture ends.
+    pause
+        While asked for, no frame is taken and the projector is black.
 
     Raises
     ------
@@ -65,7 +77,7 @@ def capture(
     """
     session.begin_run(devices.clock.now())
     try:
-        outcome = _Capture(session, devices, observer, stop).run()
+        outcome = _Capture(session, devices, observer, stop, pause or Pause()).run()
     except BaseException as error:
         reason = str(error) or type(error).__name__
         with suppress(StorageError):
@@ -77,9 +89,15 @@ def capture(
 
 class _Capture:
     def __init__(
-        self, session: Session, devices: Devices, observer: Observer, stop: threading.Event
+        self,
+        session: Session,
+        devices: Devices,
+        observer: Observer,
+        stop: threading.Event,
+        pause: Pause,
     ) -> None:
-        self.session, self.devices, self.observer, self.stop = session, devices, observer, stop
+        self.session, self.devices, self.observer = session, devices, observer
+        self.stop, self.pause = stop, pause
         self.plan = session.plan
 
     def run(self) -> Outcome:
@@ -88,6 +106,10 @@ class _Capture:
             writing: Future[Step] | None = None
             try:
                 for index in remaining:
+                    if self.pause.is_asked:
+                        self._finish(writing)
+                        writing = None
+                        self._rest(index)
                     if self.stop.is_set():
                         break
                     step = self.plan.step(index)
@@ -102,6 +124,16 @@ class _Capture:
             finally:
                 self._finish(writing)
         return Outcome.COMPLETE if self.session.complete else Outcome.STOPPED
+
+    def _rest(self, index: int) -> None:
+        """Wait in the dark; then show again what was shown, so that the run goes on unchanged."""
+        black = np.zeros(self.devices.projector.resolution, np.uint8)
+        self.devices.projector.show(black)
+        with self.pause.resting():
+            while not self.stop.is_set() and not self.pause.wait(LOOK_S):
+                self.devices.projector.check()
+        if index and not self.stop.is_set():
+            self._show(self.plan.step(index - 1))
 
     def _show(self, step: Step) -> str:
         projector = self.devices.projector

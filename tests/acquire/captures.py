@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquire.bench_file import SimSection
+from acquire.pause import Pause
 from acquire.plan import Plan, Step
 from acquire.plan_file import parse_plan
 from acquire.recording import record
@@ -46,10 +47,14 @@ def small_bench(**changes: object) -> Bench:
 
 
 def captured(
-    folder: Path, plan: Plan | None = None, bench: Bench | None = None, notes: Notes | None = None
+    folder: Path,
+    plan: Plan | None = None,
+    bench: Bench | None = None,
+    notes: Notes | None = None,
+    pause: Pause | None = None,
 ) -> tuple[Session, Outcome]:
     notes = notes or Notes()
-    return record(plan or small_plan(), bench or small_bench(), folder, notes, notes.stop)
+    return record(plan or small_plan(), bench or small_bench(), folder, notes, notes.stop, pause)
 
 
 def recorded_bytes(folder: Path) -> dict[str, bytes]:

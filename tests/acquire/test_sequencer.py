@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from acquire.errors import BenchError, SessionError
+from acquire.pause import Pause
+from acquire.plan import Step
 from acquire.rig import Bench
 from acquire.rig.bench import closed_with
 from acquire.sequencer import Outcome
@@ -174,6 +177,71 @@ def test_stopped_at_every_frame_the_result_is_the_same(tmp_path: Path) -> None:
     for index in range(len(plan)):
         captured(tmp_path / "pieces", plan, bench, Notes(stop_after=index))
     assert recorded_bytes(tmp_path / "pieces") == recorded_bytes(tmp_path / "whole")
+
+
+class Attendant(threading.Thread):
+    """Waits until a capture rests, does something, and lets it go on."""
+
+    def __init__(self, pause: Pause, act: Callable[[], None]) -> None:
+        super().__init__()
+        self.pause, self.act = pause, act
+
+    def run(self) -> None:
+        while not self.pause.is_resting:
+            time.sleep(0.001)
+        self.act()
+        self.pause.go_on()
+
+
+def test_a_rest_is_dark_and_takes_no_frame(tmp_path: Path) -> None:
+    pause, seen = Pause(), list[bool]()
+    camera = BareCamera(BareProjector(), before=lambda n: pause.ask() if n == 5 else None)
+
+    def look() -> None:
+        assert camera.projector.shown is not None
+        seen.append(bool(camera.projector.shown.any()))
+        seen.append(len((tmp_path / "s" / "frames.jsonl").read_bytes().splitlines()) == 6)
+
+    attendant = Attendant(pause, look)
+    attendant.start()
+    session, outcome = captured(tmp_path / "s", bench=bare_bench(camera), pause=pause)
+    attendant.join()
+    assert seen == [False, True]
+    assert outcome is Outcome.COMPLETE
+    for frame in session.frames:
+        assert session.read(frame) == frame.pattern.raster(RESOLUTION).tobytes()
+
+
+def test_a_stop_ends_a_rest(tmp_path: Path) -> None:
+    pause, notes = Pause(), Notes()
+    pause.ask()
+    attendant = Attendant(pause, notes.stop.set)
+    attendant.start()
+    session, outcome = captured(tmp_path / "s", notes=notes, pause=pause)
+    attendant.join()
+    assert outcome is Outcome.STOPPED
+    assert session.frames == []
+
+
+def test_rested_before_every_frame_the_files_are_the_same(tmp_path: Path) -> None:
+    bench = small_bench(late=0.5, dropped=0.2, latency_s=0.15, drift=0.1, full_well_e=20000.0)
+    whole, _ = captured(tmp_path / "whole", bench=bench)
+    pause, attendants = Pause(), list[Attendant]()
+
+    @dataclass
+    class Restless(Notes):
+        def frame_kept(self, step: Step, total: int) -> None:
+            super().frame_kept(step, total)
+            if step.index < total - 2:  # it hears of a frame when the next one is under way
+                pause.ask()
+                attendants.append(Attendant(pause, lambda: None))
+                attendants[-1].start()
+
+    rested, _ = captured(tmp_path / "rested", bench=bench, notes=Restless(), pause=pause)
+    for attendant in attendants:
+        attendant.join()
+    assert len(attendants) == len(whole.frames) - 2
+    assert [frame.sha256 for frame in rested.frames] == [frame.sha256 for frame in whole.frames]
 
 
 def test_same_plan_and_seed_same_bytes_other_seed_other_bytes(tmp_path: Path) -> None:
