@@ -17,7 +17,10 @@ Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
 class SimSection(StrictModel):
-    """`[sim]`: the scene, the devices and what is wrong with them, each defect off by default."""
+    """`[sim]`: the scene, the devices and what is wrong with them, each defect off by default.
+
+    With `real_time` settling and exposing take as long as on a real bench.
+    """
 
     scene: Literal["corner", "groove", "board"] = "corner"
     seed: int = Field(default=0, ge=0, lt=2**63)
@@ -37,6 +40,7 @@ class SimSection(StrictModel):
     flicker: float = Field(default=0.0, ge=0, le=1)
     ambient: float = Field(default=0.0, ge=0, le=10)
     move_px: float = Field(default=0.0, ge=-1000, le=1000)
+    real_time: bool = False
 
 
 class SimBench(StrictModel):

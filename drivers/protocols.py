@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +94,21 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Let the device go; may be called more than once."""
+
+
+@runtime_checkable
+class LiveCamera(Protocol):
+    """A camera that shows what it sees before it exposes, for aiming and focusing."""
+
+    def live_view(self, settings: CameraSettings | None = None) -> Generator[bytes]:
+        """Picture or raw files, one a frame; close the generator to end the live view.
+
+        With `settings` the camera is set to them first. How far the picture shows their exposure
+        is up to the camera. Raises `drivers.errors.CameraError` where there is no live view now.
+        """
+
+    def read_back(self) -> CameraSettings | None:
+        """The settings as the camera has them now; None where it does not tell."""
 
 
 class Clock(Protocol):

@@ -27,16 +27,18 @@ def simulated_bench(sim: SimSection) -> Bench:
     height, width = sim.camera_px
     return Bench(
         name=f"the simulated {sim.scene}",
-        description={"kind": "sim", "sim": sim.model_dump(mode="json")},
+        description={"kind": "sim", "sim": sim.model_dump(mode="json", exclude={"real_time"})},
         resolution=sim.projector_px,
         frame_bytes=2 * (2 * height) * (2 * width) + DNG_OVERHEAD_BYTES,
         frame_s=DELIVERY_S,
-        _connect=partial(_connect, config),
+        _connect=partial(_connect, config, sim.real_time),
         _truth=lambda plan: build(config).truth(plan.camera.settings),
     )
 
 
-def _connect(config: SimulationConfig, resumption: Resumption, closing: ExitStack) -> Devices:
+def _connect(
+    config: SimulationConfig, real_time: bool, resumption: Resumption, closing: ExitStack
+) -> Devices:
     plan, taken = resumption.plan, resumption.taken
     position = RunPosition()
     if taken:
@@ -45,5 +47,5 @@ def _connect(config: SimulationConfig, resumption: Resumption, closing: ExitStac
         if time_s is None:
             raise BenchError("The session's last frame has no time; the simulation cannot go on.")
         position = RunPosition(len(taken), time_s, raster, resumption.last_file)
-    bench = build(config, len(plan), plan.projector.settle_s, position)
+    bench = build(config, len(plan), plan.projector.settle_s, position, real_time=real_time)
     return closed_with(Devices(bench.projector, bench.camera, bench.clock), closing)

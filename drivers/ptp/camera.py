@@ -79,10 +79,16 @@ class PtpCamera:
             self._reopen()
             return self._shoot(settings)
 
-    def live_view(self) -> Generator[bytes]:
+    def live_view(self, settings: CameraSettings | None = None) -> Generator[bytes]:
         """JPEG files, one a frame; close the generator to end the live view."""
         with self._ready() as body:
+            if settings is not None:
+                body.apply(settings)
             yield from body.live_view()
+
+    def read_back(self) -> CameraSettings | None:
+        """The settings as the camera has them now."""
+        return self.state().settings
 
     def pictures(self) -> list[tuple[int, ObjectInfo]]:
         """Handle and description of everything on the card but folders."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 # Simulated runs begin at a fixed moment, so that they repeat to the byte: 2026-01-01 00:00 UTC.
 EPOCH_S = 1_767_225_600.0
 
@@ -27,3 +29,12 @@ class SimulatedClock:
         if not duration_s >= 0:
             raise ValueError(f"time does not run back: cannot sleep {duration_s} s")
         self._now_s += duration_s
+
+
+class PacedClock(SimulatedClock):
+    """The same readings, but waiting takes its time: for trying a bench out at its real pace."""
+
+    def sleep(self, duration_s: float) -> None:
+        """Advance by `duration_s` ≥ 0 seconds and block for as long."""
+        super().sleep(duration_s)
+        time.sleep(duration_s)

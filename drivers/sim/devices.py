@@ -8,7 +8,8 @@ what an uninterrupted run would have.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,15 +18,16 @@ from numpy.typing import NDArray
 from drivers.errors import CameraError, CameraTimeoutError, ProjectorError
 from drivers.protocols import CameraSettings, Raster, RawFrame
 from drivers.raster import check_raster
-from drivers.sim.clock import EPOCH_S, SimulatedClock
+from drivers.sim.clock import EPOCH_S, PacedClock, SimulatedClock
 from drivers.sim.defects import Defects
 from drivers.sim.dng import MEDIA_TYPE, encode_dng
 from drivers.sim.scene import scene_named
-from drivers.sim.sensor import REFERENCE_LEVEL, check_settings, expose, exposure_gain
-from drivers.sim.stage import Stage
+from drivers.sim.sensor import REFERENCE, REFERENCE_LEVEL, check_settings, expose, exposure_gain
+from drivers.sim.stage import Chance, Stage
 from drivers.sim.transport import Light, Transport, superpixels
 
 DELIVERY_S = 0.05
+LIVE_FRAME_S = 0.1
 TIMEOUT_S = 2.0
 
 
@@ -134,12 +136,14 @@ class SimulatedCamera:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._open = True
+        self._settings = REFERENCE
 
     def capture(self, settings: CameraSettings) -> RawFrame:
         """Expose once; the file is a DNG."""
         if not self._open:
             raise CameraError("the camera is closed; open the bench again")
         check_settings(settings)
+        self._settings = settings
         stage = self._stage
         started_s = stage.clock.now()
         chance = stage.chance()
@@ -152,20 +156,41 @@ class SimulatedCamera:
         if chance.swapped and stage.file_delivered_last is not None:
             data = stage.file_delivered_last
         else:
-            defects = stage.defects
-            signal = stage.signal(settings, chance)
-            counts = expose(
-                signal, settings.iso, defects.full_well_e, defects.read_noise_e, chance.noise
-            )
-            data = encode_dng(counts, settings)
+            data = self._file(settings, chance)
         stage.clock.sleep(settings.exposure_s)
         stage.clock.sleep(DELIVERY_S)
         stage.delivered(data)
         return RawFrame(data, MEDIA_TYPE, settings, started_s, stage.clock.now())
 
+    def live_view(self, settings: CameraSettings | None = None) -> Generator[bytes]:
+        """DNG files of what is on the scene; the frames of the run are as if never looked at."""
+        if settings is not None:
+            check_settings(settings)
+            self._settings = settings
+        for number in itertools.count():
+            if not self._open:
+                raise CameraError("the camera is closed; open the bench again")
+            yield self._file(self._settings, self._stage.live_chance(number))
+            self._stage.clock.sleep(LIVE_FRAME_S)
+
+    def read_back(self) -> CameraSettings | None:
+        """The settings of the last exposure or live view."""
+        return self._settings
+
     def close(self) -> None:
         """Let the sensor go."""
         self._open = False
+
+    def _file(self, settings: CameraSettings, chance: Chance) -> bytes:
+        stage = self._stage
+        counts = expose(
+            stage.signal(settings, chance),
+            settings.iso,
+            stage.defects.full_well_e,
+            stage.defects.read_noise_e,
+            chance.noise,
+        )
+        return encode_dng(counts, settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,6 +247,8 @@ def build(
     frames_in_run: int = 1,
     settle_s: float = 0.0,
     position: RunPosition | None = None,
+    *,
+    real_time: bool = False,
 ) -> SimulatedBench:
     """A bench as it stands at a position of a run.
 
@@ -235,6 +262,8 @@ def build(
         Time that the projector's `show` takes.
     position
         Where the run goes on; None for its start.
+    real_time
+        Whether waiting takes as long as on a real bench; the files are the same.
     """
     if settle_s < 0 or frames_in_run < 1:
         raise ValueError(f"settle_s ≥ 0 and frames_in_run ≥ 1, not {settle_s}, {frames_in_run}")
@@ -244,7 +273,7 @@ def build(
     if config.defects.swapped and position.index and position.file_delivered_last is None:
         raise ValueError("where files are swapped, going on needs the file that was delivered last")
     transport = Transport.of(scene_named(config.scene), config.camera_px, config.projector_px)
-    clock = SimulatedClock(position.time_s)
+    clock = (PacedClock if real_time else SimulatedClock)(position.time_s)
     stage = Stage(
         transport,
         config.defects,

@@ -14,6 +14,8 @@ from drivers.sim.lamp import emission, flicker_gain
 from drivers.sim.sensor import exposure_gain
 from drivers.sim.transport import Transport
 
+LIVE_KEY = (9,)
+
 
 @dataclass(frozen=True, slots=True)
 class Chance:
@@ -97,6 +99,20 @@ class Stage:
             timed_out=timed_out < defects.timeouts,
             flicker_phase_rad=2 * np.pi * turn,
             noise=np.random.default_rng(noise_seed),
+        )
+
+    def live_chance(self, number: int) -> Chance:
+        """The noise of a frame that is only looked at, from a sequence of its own."""
+        sequence = np.random.SeedSequence((self._seed, number), spawn_key=LIVE_KEY)
+        noise = np.random.default_rng(sequence)
+        turn = float(noise.random())
+        return Chance(
+            late=False,
+            dropped=False,
+            swapped=False,
+            timed_out=False,
+            flicker_phase_rad=2 * np.pi * turn,
+            noise=noise,
         )
 
     def signal(self, settings: CameraSettings, chance: Chance) -> NDArray[np.float64]:

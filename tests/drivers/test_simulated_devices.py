@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -322,3 +323,37 @@ def test_what_cannot_be_simulated_is_refused_by_name(
 ) -> None:
     with pytest.raises(ValueError, match=named):
         SimulationConfig(**settings_of_it)  # type: ignore[arg-type]
+
+
+def test_looking_does_not_change_what_is_captured() -> None:
+    noisy = {"full_well_e": 20000.0, "read_noise_e": 5.0, "late": 0.5, "drift": 0.1}
+    looked, straight = (bench("board", 3, **noisy) for _ in range(2))
+    frames = []
+    for on in (looked, straight):
+        for raster in (WHITE, CHECKER, BLACK):
+            on.projector.show(raster)
+            if on is looked:
+                view = on.camera.live_view()
+                assert next(view) != next(view)
+                view.close()
+            frames.append(on.camera.capture(EXPOSURE).data)
+    assert frames[:3] == frames[3:]
+
+
+def test_live_view_shows_the_raster_at_the_settings() -> None:
+    on = bench()
+    on.projector.show(CHECKER)
+    expected = decode_raw(on.camera.capture(EXPOSURE).data).values
+    half = CameraSettings(0.05, 8.0, 200)
+    live = decode_raw(next(on.camera.live_view(half))).values
+    np.testing.assert_allclose(live, expected / 2, atol=STEP)
+    assert on.camera.read_back() == half
+
+
+def test_in_real_time_waiting_takes_its_time_and_files_are_the_same() -> None:
+    config = SimulationConfig("board", 7, (24, 24), PROJECTOR_PX)
+    quick, paced = build(config), build(config, real_time=True)
+    before_s = time.monotonic()
+    frames = [on.camera.capture(EXPOSURE) for on in (paced, quick)]
+    assert time.monotonic() - before_s >= EXPOSURE.exposure_s
+    assert frames[0] == frames[1]
