@@ -170,7 +170,7 @@ class Ranges:
         self._path.unlink(missing_ok=True)
 
     def _begin(self, shape: tuple[int, ...]) -> HarmonicsStack:
-        pitches = {(p.family, p.pitch_px) for p in self._patterns if not p.family.is_reference}
+        pitches = {(p.family, p.pitch_px) for p in self._patterns if p.family.is_separable}
         height, width, colours = shape
         with storage(self._path):
             parked = np.memmap(

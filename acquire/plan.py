@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PlainSerializer
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from acquire.validation import StrictModel
 from drivers.protocols import CameraSettings
@@ -22,6 +31,11 @@ MAX_STEPS = 100_000
 
 def _pattern_from_text(value: object) -> object:
     return Pattern.parse(value) if isinstance(value, str) else value
+
+
+def _without_unused(values: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    """Leave out keys that say nothing: plans written before there were such keys keep their text."""
+    return {key: value for key, value in values.items() if key not in names or value}
 
 
 PatternText = Annotated[Pattern, BeforeValidator(_pattern_from_text), PlainSerializer(str)]
@@ -50,20 +64,74 @@ class CameraPlan(StrictModel):
         return CameraSettings(self.exposure_s, self.aperture, self.iso)
 
 
+LevelLight = Annotated[
+    tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=256, max_length=256)
+]
+
+
 class ProjectorPlan(StrictModel):
-    """How long a pattern stands before it counts, and the projector's response."""
+    """How long a pattern stands before it counts, and the projector's response.
+
+    `light`, where it was measured, is the light of every level, 0 to 255, as a fraction of white
+    less black, for all colours alike or for red, green and blue; `gamma` then has no effect.
+    """
 
     settle_s: float = Field(default=0.1, ge=0, le=3600)
     gamma: float = Field(default=1.0, ge=0.1, le=10)
     resolution_px: tuple[int, int] | None = None
+    light: tuple[LevelLight, ...] | None = None
+
+    @model_validator(mode="after")
+    def _sensible(self) -> ProjectorPlan:
+        if self.light is not None and len(self.light) not in {1, 3}:
+            raise ValueError(f"light: 1 or 3 colours, not {len(self.light)}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _without_unused(handler(self), ("light",))
+
+    def raster(self, pattern: Pattern, resolution: tuple[int, int]) -> NDArray[np.uint8]:
+        """What the projector, (height, width) pixels, is told so that it shows a pattern."""
+        light = None if self.light is None else np.array(self.light)
+        return pattern.raster(resolution, self.gamma, light)
+
+
+ProfileKind = Literal[
+    "dark", "noise", "response", "leak", "exposure", "latency", "geometry", "board"
+]
+
+
+class ProfileUse(StrictModel):
+    """A calibration that a plan names, by the digest of its file."""
+
+    kind: ProfileKind
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
 class Plan(StrictModel):
-    """Every exposure of a session, in order."""
+    """Every exposure of a session, in order.
+
+    `exposures_s`, one for each pattern, takes the place of the camera's one exposure time.
+    """
 
     camera: CameraPlan = CameraPlan()
     projector: ProjectorPlan = ProjectorPlan()
     patterns: tuple[PatternText, ...] = Field(min_length=1, max_length=MAX_STEPS)
+    exposures_s: tuple[Annotated[float, Field(gt=0, le=3600)], ...] | None = None
+    calibration: tuple[ProfileUse, ...] = ()
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Plan:
+        if self.exposures_s is not None and len(self.exposures_s) != len(self.patterns):
+            raise ValueError(
+                f"exposures_s: {len(self.exposures_s)} for {len(self.patterns)} patterns"
+            )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _to_file(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _without_unused(handler(self), ("exposures_s", "calibration"))
 
     def __len__(self) -> int:
         return len(self.patterns)
@@ -71,12 +139,21 @@ class Plan(StrictModel):
     @property
     def steps(self) -> Iterator[Step]:
         """The exposures in order."""
-        settings = self.camera.settings
-        return (Step(index, pattern, settings) for index, pattern in enumerate(self.patterns))
+        return (self.step(index) for index in range(len(self)))
 
     def step(self, index: int) -> Step:
         """The exposure at `index`, from 0."""
-        return Step(index, self.patterns[index], self.camera.settings)
+        settings = self.camera.settings
+        if self.exposures_s is not None:
+            settings = replace(settings, exposure_s=self.exposures_s[index])
+        return Step(index, self.patterns[index], settings)
+
+    @property
+    def exposed_s(self) -> float:
+        """Sum of all exposure times, seconds."""
+        if self.exposures_s is not None:
+            return sum(self.exposures_s)
+        return len(self) * self.camera.exposure_s
 
     def to_json(self) -> str:
         """The plan's one canonical text."""

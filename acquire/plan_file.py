@@ -125,7 +125,7 @@ def example_text() -> str:
 
 def check_measurable(plan: Plan) -> None:
     """Refuse a plan whose frames cannot be separated at some pitch."""
-    shown = (pattern for pattern in plan.patterns if not pattern.family.is_reference)
+    shown = (pattern for pattern in plan.patterns if pattern.family.is_separable)
     for (family, pitch_px), members in groupby(
         sorted(shown, key=_group), key=lambda pattern: (pattern.family, pattern.pitch_px)
     ):

@@ -137,7 +137,7 @@ class _Capture:
 
     def _show(self, step: Step) -> str:
         projector = self.devices.projector
-        raster = step.pattern.raster(projector.resolution, self.plan.projector.gamma)
+        raster = self.plan.projector.raster(step.pattern, projector.resolution)
         projector.show(raster)
         return raster_digest(raster)
 

@@ -133,7 +133,7 @@ class Stack:
 def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:
     members: dict[tuple[Family, int], list[FrameRecord]] = {}
     for frame in frames:
-        if not frame.pattern.family.is_reference:
+        if frame.pattern.family.is_separable:
             key = frame.pattern.family, frame.pattern.pitch_px
             members.setdefault(key, []).append(frame)
     return tuple(

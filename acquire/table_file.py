@@ -149,7 +149,7 @@ def _reference(role: str, values: dict[str, str]) -> Pattern:
 
 
 def _shown(values: dict[str, str]) -> Pattern:
-    families = [family.value for family in Family if not family.is_reference]
+    families = [family.value for family in Family if family.is_separable]
     name = values["pattern"].lower()
     if name not in families:
         raise ValueError(

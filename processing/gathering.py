@@ -41,7 +41,7 @@ class HarmonicsStack:
     ) -> None:
         members: dict[tuple[Family, int], dict[Pattern, None]] = {}
         for pattern in patterns:
-            if not pattern.family.is_reference:
+            if pattern.family.is_separable:
                 members.setdefault((pattern.family, pattern.pitch_px), {})[pattern] = None
         if not members:
             raise ValueError("there is no pattern but white and black: nothing to gather")

@@ -64,7 +64,7 @@ class PitchDesign:
         if not patterns:
             raise ValueError("a pitch has no patterns")
         kinds = {(pattern.family, pattern.pitch_px) for pattern in patterns}
-        if len(kinds) > 1 or patterns[0].family.is_reference:
+        if len(kinds) > 1 or not patterns[0].family.is_separable:
             raise ValueError(f"a pitch has patterns of one family and pitch, not {sorted(kinds)}")
         if len(set(patterns)) < len(patterns):
             raise ValueError(f"{patterns[0].family}:{patterns[0].pitch_px} lists a shift twice")

@@ -7,6 +7,14 @@ pitch P (side of a check, width of a stripe, half a period of a sinusoid) in pro
 - ``stripes-columns``: 1 where floor((x + shift_x)/P) is even; ``stripes-rows`` the same in y;
 - ``sinusoid-columns``: ½(1 + cos(π (x + shift_x)/P)); ``sinusoid-rows`` the same in y.
 
+For calibration, and of no use to a separation:
+
+- ``uniform``: one level of 0 to 255, or one each for red, green and blue, everywhere; it is what
+  the projector is told, whatever light that makes;
+- ``focus``: squares of 8 P, fine checks of pitch P in turn with white, fine checks and black.
+
+Bits of a Gray code are stripes: see `gray_code`.
+
 Row 0 is the top of what is projected, x counts columns from the left.
 """
 
@@ -31,6 +39,18 @@ class Family(StrEnum):
     STRIPES_ROWS = "stripes-rows"
     SINUSOID_COLUMNS = "sinusoid-columns"
     SINUSOID_ROWS = "sinusoid-rows"
+    UNIFORM = "uniform"
+    FOCUS = "focus"
+
+    @property
+    def is_separable(self) -> bool:
+        """Has a pitch and shifts over which direct and global light come apart."""
+        return self not in {Family.WHITE, Family.BLACK, Family.UNIFORM, Family.FOCUS}
+
+    @property
+    def is_uniform(self) -> bool:
+        """The same light everywhere, and so neither pitch nor shift."""
+        return self in {Family.WHITE, Family.BLACK, Family.UNIFORM}
 
     @property
     def is_reference(self) -> bool:
@@ -40,7 +60,7 @@ class Family(StrEnum):
     @property
     def is_binary(self) -> bool:
         """Every pixel is either fully lit or dark."""
-        return self not in {Family.SINUSOID_COLUMNS, Family.SINUSOID_ROWS}
+        return self not in {Family.SINUSOID_COLUMNS, Family.SINUSOID_ROWS, Family.UNIFORM}
 
     @property
     def varies_down(self) -> bool:
@@ -62,21 +82,25 @@ class Pattern:
     family
         What is drawn.
     pitch_px
-        Side of a check, width of a stripe or half a period, ≥ 1; 0 for white and black.
+        Side of a check, width of a stripe or half a period, ≥ 1; 0 for uniform light.
     shift_y_px, shift_x_px
         Offset down and right, ≥ 0; 0 along a direction in which the pattern does not vary.
+    levels
+        Of ``uniform`` alone: one for all colours or red, green and blue, each 0 to 255.
     """
 
     family: Family
     pitch_px: int = 0
     shift_y_px: int = 0
     shift_x_px: int = 0
+    levels: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        reference = self.family.is_reference
-        if reference and (self.pitch_px, self.shift_y_px, self.shift_x_px) != (0, 0, 0):
+        uniform = self.family.is_uniform
+        if uniform and (self.pitch_px, self.shift_y_px, self.shift_x_px) != (0, 0, 0):
             raise ValueError(f"{self.family} has neither pitch nor shift")
-        if not reference and self.pitch_px < 1:
+        self._check_levels()
+        if not uniform and self.pitch_px < 1:
             raise ValueError(f"{self.family} needs a pitch of at least 1 px, not {self.pitch_px}")
         if self.shift_y_px < 0 or self.shift_x_px < 0:
             raise ValueError(f"shifts count from 0, not {self.shift_y_px}, {self.shift_x_px}")
@@ -85,9 +109,19 @@ class Pattern:
         if self.shift_x_px and not self.family.varies_right:
             raise ValueError(f"{self.family} does not vary to the right: shift_x_px must be 0")
 
+    def _check_levels(self) -> None:
+        if self.family is not Family.UNIFORM:
+            if self.levels:
+                raise ValueError(f"{self.family} has no levels")
+            return
+        if len(self.levels) not in {1, 3} or not all(0 <= level <= 255 for level in self.levels):
+            raise ValueError(
+                f"uniform takes one level of 0 to 255, or red,green,blue, not {self.levels}"
+            )
+
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read ``white``, ``checker:8``, ``checker:8:0,2``, ``stripes-rows:16:4`` and the like."""
+        """Read ``white``, ``checker:8:0,2``, ``stripes-rows:16:4``, ``uniform:255,0,0`` and so on."""
         name, _, rest = text.strip().partition(":")
         known = ", ".join(family.value for family in Family)
         try:
@@ -96,6 +130,8 @@ class Pattern:
             raise ValueError(f"{name!r} is no pattern; known are {known}") from None
         if not rest:
             return cls(family)
+        if family is Family.UNIFORM:
+            return cls(family, levels=_levels(rest))
         pitch_text, _, shift_text = rest.partition(":")
         try:
             pitch_px = int(pitch_text)
@@ -112,14 +148,27 @@ class Pattern:
     def __str__(self) -> str:
         if self.family.is_reference:
             return self.family.value
+        if self.family is Family.UNIFORM:
+            return f"{self.family.value}:{','.join(map(str, self.levels))}"
+        if self.family is Family.FOCUS:
+            return f"{self.family.value}:{self.pitch_px}"
         both = self.family.varies_down and self.family.varies_right
         shift_px = self.shift_y_px if self.family.varies_down else self.shift_x_px
         shift = f"{self.shift_y_px},{self.shift_x_px}" if both else str(shift_px)
         return f"{self.family.value}:{self.pitch_px}:{shift}"
 
     def code(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
-        """Light of every projector pixel, (height, width), a fraction of white in [0, 1]."""
+        """Light of every projector pixel, a fraction of white in [0, 1].
+
+        (height, width); (height, width, 3) for a ``uniform`` of three levels, whose code is what
+        the projector is told, level/255.
+        """
         height, width = resolution
+        if self.family is Family.UNIFORM:
+            told = np.array(self.levels) / 255
+            return np.full((height, width) if len(told) == 1 else (height, width, 3), told)
+        if self.family is Family.FOCUS:
+            return self._chart(height, width)
         down = np.arange(height)[:, np.newaxis] + self.shift_y_px
         right = np.arange(width)[np.newaxis, :] + self.shift_x_px
         return np.broadcast_to(self._code_at(down, right), (height, width)).astype(np.float64)
@@ -138,26 +187,89 @@ class Pattern:
         wave: NDArray[np.float64] = np.cos(phase)
         return 0.5 * (1 + wave)
 
+    def _chart(self, height: int, width: int) -> NDArray[np.float64]:
+        down, right = np.mgrid[:height, :width] // self.pitch_px
+        fine = (down + right) % 2 == 0
+        square_down, square_right = down // 8, right // 8
+        solid = np.where(square_down % 2 == 0, 1.0, 0.0)
+        return np.where((square_down + square_right) % 2 == 0, fine, solid)
+
     @property
     def phase(self) -> float:
         """Advance of a sinusoid through its shift, π·shift/pitch, in radians (0 for references)."""
-        if self.family.is_reference:
+        if self.family.is_uniform:
             return 0.0
         return float(np.pi * (self.shift_y_px + self.shift_x_px) / self.pitch_px)
 
-    def raster(self, resolution: tuple[int, int], gamma: float = 1.0) -> NDArray[np.uint8]:
-        """The uint8 raster, (height, width), that makes a projector emit this code.
+    def raster(
+        self,
+        resolution: tuple[int, int],
+        gamma: float = 1.0,
+        light: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.uint8]:
+        """The uint8 raster that makes a projector emit this code.
 
         Parameters
         ----------
         resolution
             (height, width) of the projector in pixels.
         gamma
-            The projector emits (raster/255)^gamma; its inverse is applied. Binary patterns do
-            not depend on it.
+            The projector emits (raster/255)^gamma; its inverse is applied.
+        light
+            (colours, 256), 1 or 3 colours, not falling: light of every level as a fraction of
+            white less black; it takes the place of `gamma`.
+
+        Returns
+        -------
+        (height, width), or (height, width, 3) where the colours differ. Black, white, binary
+        and uniform patterns depend neither on `gamma` nor on `light`.
         """
-        levels = self.code(resolution) ** (1 / gamma)
-        return np.rint(255 * levels).astype(np.uint8)
+        code = self.code(resolution)
+        if self.family is Family.UNIFORM or self.family.is_binary:
+            return np.rint(255 * code).astype(np.uint8)
+        if light is None:
+            return np.rint(255 * code ** (1 / gamma)).astype(np.uint8)
+        if light.ndim != 2 or light.shape[0] not in {1, 3} or light.shape[1] != 256:
+            raise ValueError(f"light of the levels is (1 or 3, 256), not {light.shape}")
+        told = [np.interp(code, colour, np.arange(256)) for colour in light]
+        levels = told[0] if len(told) == 1 else np.stack(told, axis=-1)
+        return np.rint(levels).astype(np.uint8)
+
+
+def gray_code(bit: int, n_bits: int, *, rows: bool, complement: bool = False) -> Pattern:
+    """One bit of the Gray code of a projector pixel's row or column, as stripes.
+
+    Bit k of x ⊕ ⌊x/2⌋ is 1 where floor((x + 2^k)/2^(k+1)) is odd: stripes of 2^(k+1) pixels,
+    moved by half their width. Of the highest bit only two halves are left.
+
+    Parameters
+    ----------
+    bit
+        0, the finest, to `n_bits` − 1.
+    n_bits
+        Bits that number all rows or columns.
+    rows
+        Of the row, else of the column.
+    complement
+        Lit where the bit is 0.
+    """
+    if not 0 <= bit < n_bits:
+        raise ValueError(f"bit {bit} is not one of {n_bits}")
+    highest = bit == n_bits - 1
+    width_px = 2**bit if highest else 2 ** (bit + 1)
+    shift_px = 0 if highest else 2**bit
+    if not complement:
+        shift_px += width_px
+    if rows:
+        return Pattern(Family.STRIPES_ROWS, width_px, shift_px, 0)
+    return Pattern(Family.STRIPES_COLUMNS, width_px, 0, shift_px)
+
+
+def _levels(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"uniform:{text}: levels are whole numbers of 0 to 255") from None
 
 
 def shift_grid(

@@ -134,8 +134,8 @@ def run_capture(plan: Plan, bench: Bench, out: Path, *, quiet: bool) -> Session:
 
 
 def _print_cost(plan: Plan, bench: Bench, out: Path) -> None:
-    pitches = sorted({p.pitch_px for p in plan.patterns if not p.family.is_reference})
-    each_s = plan.projector.settle_s + plan.camera.exposure_s + bench.frame_s
+    pitches = sorted({p.pitch_px for p in plan.patterns if p.family.is_separable})
+    each_s = plan.projector.settle_s + plan.exposed_s / len(plan) + bench.frame_s
     height, width = bench.resolution
     minutes, seconds = divmod(round(len(plan) * each_s), 60)
     typer.echo(f"bench    {bench.name}, projector {width} × {height} px")

@@ -73,7 +73,7 @@ def colour_of(index: int) -> str:
 def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
     """α against pitch: one thick line a component, its colours thin, white light at ∞."""
     alpha = np.array(mixing.alpha)
-    families = [family for family in dict.fromkeys(mixing.families) if not family.is_reference]
+    families = [family for family in dict.fromkeys(mixing.families) if family.is_separable]
     pitches = [pitch for pitch in mixing.pitch_px if pitch is not None]
     infinity = _place_of_infinity(pitches)
     x = np.array([infinity if pitch is None else pitch for pitch in mixing.pitch_px], float)

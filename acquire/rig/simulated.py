@@ -42,7 +42,7 @@ def _connect(
     plan, taken = resumption.plan, resumption.taken
     position = RunPosition()
     if taken:
-        raster = taken[-1].pattern.raster(config.projector_px, plan.projector.gamma)
+        raster = plan.projector.raster(taken[-1].pattern, config.projector_px)
         time_s = taken[-1].finished_s
         if time_s is None:
             raise BenchError("The session's last frame has no time; the simulation cannot go on.")

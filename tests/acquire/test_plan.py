@@ -106,3 +106,18 @@ def test_unreadable_plans(tmp_path: Path, content: bytes | None, reason: str) ->
         path.write_bytes(content)
     with pytest.raises(PlanError, match=reason):
         read_plan(path)
+
+
+def test_keys_that_say_nothing_leave_the_plans_text_as_it_was() -> None:
+    text = parse_plan(SMALL, "plain").to_json()
+    assert "exposures_s" not in text
+    assert "calibration" not in text
+    assert "light" not in text
+
+
+def test_each_step_may_have_its_own_exposure() -> None:
+    plan = Plan(patterns=("white", "uniform:7"), exposures_s=(0.1, 0.4))
+    assert [step.settings.exposure_s for step in plan.steps] == [0.1, 0.4]
+    assert Plan.model_validate_json(plan.to_json()) == plan
+    with pytest.raises(ValueError, match="exposures_s: 1 for 2"):
+        Plan(patterns=("white", "black"), exposures_s=(0.1,))

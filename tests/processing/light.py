@@ -86,7 +86,7 @@ def waves(family: Family, count: int, pitches_px: Sequence[int] = PITCHES_PX) ->
     """Stripes or sinusoids in evenly spread shifts over a period."""
     down = family.varies_down
     return [
-        Pattern(family, pitch_px, **{"shift_y_px" if down else "shift_x_px": shift_px})
+        Pattern(family, pitch_px, *((shift_px, 0) if down else (0, shift_px)))
         for pitch_px in pitches_px
         for shift_px in [2 * pitch_px * k // count for k in range(count)]
     ]

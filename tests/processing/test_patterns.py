@@ -3,7 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.patterns import Family, Pattern, balanced, shift_grid, untoggled_fraction
+from processing.patterns import (
+    Family,
+    Pattern,
+    balanced,
+    gray_code,
+    shift_grid,
+    untoggled_fraction,
+)
 
 PAPER_PITCHES = range(8, 97, 4)
 
@@ -130,3 +137,59 @@ def test_a_pair_of_stripes_one_pitch_apart_is_balanced() -> None:
 def test_a_pitch_of_any_size_is_judged_at_once() -> None:
     patterns = [Pattern(Family.CHECKER, 100_000, *shift) for shift in shift_grid(100_000, (6, 6))]
     assert untoggled_fraction(patterns) == 0
+
+
+@pytest.mark.parametrize("text", ["uniform:128", "uniform:255,0,7", "focus:4"])
+def test_calibration_patterns_read_as_written(text: str) -> None:
+    pattern = Pattern.parse(text)
+    assert str(pattern) == text
+    assert not pattern.family.is_separable
+
+
+@pytest.mark.parametrize(
+    "text", ["uniform", "uniform:256", "uniform:1,2", "uniform:-1", "uniform:x", "focus", "white:1"]
+)
+def test_levels_and_charts_that_make_no_sense(text: str) -> None:
+    with pytest.raises(ValueError, match=r"uniform|focus|white"):
+        Pattern.parse(text)
+
+
+def test_uniform_levels_are_shown_as_given_whatever_the_response() -> None:
+    light = np.linspace(0, 1, 256)[np.newaxis] ** 3
+    assert np.all(Pattern.parse("uniform:37").raster((3, 4), 2.2, light) == 37)
+    assert np.all(Pattern.parse("uniform:1,2,3").raster((3, 4), 2.2) == (1, 2, 3))
+
+
+@pytest.mark.parametrize("size_px", [96, 100, 128, 129, 1920])
+@pytest.mark.parametrize("rows", [False, True])
+def test_bits_and_complements_number_every_line(size_px: int, *, rows: bool) -> None:
+    n_bits = int(size_px - 1).bit_length()
+    resolution = (size_px, 2) if rows else (2, size_px)
+    number = np.zeros(size_px, int)
+    before = np.zeros(size_px, int)
+    for bit in reversed(range(n_bits)):
+        code = gray_code(bit, n_bits, rows=rows)
+        shown = code.code(resolution)
+        other = gray_code(bit, n_bits, rows=rows, complement=True).code(resolution)
+        assert np.all(shown + other == 1)
+        assert code.pitch_px < size_px
+        before ^= (shown[:, 0] if rows else shown[0]).astype(int)
+        number |= before << bit
+    assert np.array_equal(number, np.arange(size_px))
+
+
+def test_a_measured_response_makes_sinusoids_straight() -> None:
+    light = (np.arange(256) / 255)[np.newaxis] ** np.array([[1.8], [2.2], [2.6]])
+    pattern = Pattern(Family.SINUSOID_COLUMNS, 16)
+    raster = pattern.raster((2, 64), light=light)
+    assert raster.shape == (2, 64, 3)
+    emitted = np.stack([light[k][raster[..., k]] for k in range(3)], axis=-1)
+    # Half a level where the response is steepest: 2.6/255/2.
+    assert np.abs(emitted - pattern.code((2, 64))[..., np.newaxis]).max() < 0.0052
+
+
+def test_the_chart_has_fine_checks_white_and_black() -> None:
+    code = Pattern.parse("focus:2").code((64, 64))
+    assert np.array_equal(code[:2, :4], [[1, 1, 0, 0], [1, 1, 0, 0]])
+    assert np.all(code[:16, 16:32] == 1)
+    assert np.all(code[16:32, :16] == 0)
