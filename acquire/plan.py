@@ -34,7 +34,7 @@ def _pattern_from_text(value: object) -> object:
 
 
 def _without_unused(values: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
-    """Leave out keys that say nothing: plans written before there were such keys keep their text."""
+    """Leave out keys that say nothing: plans from before there were such keys keep their text."""
     return {key: value for key, value in values.items() if key not in names or value}
 
 

@@ -121,7 +121,7 @@ class Pattern:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read ``white``, ``checker:8:0,2``, ``stripes-rows:16:4``, ``uniform:255,0,0`` and so on."""
+        """Read ``white``, ``checker:8:0,2``, ``stripes-rows:16:4``, ``uniform:255,0,0``, etc."""
         name, _, rest = text.strip().partition(":")
         known = ", ".join(family.value for family in Family)
         try:
