@@ -13,6 +13,9 @@ Saturated pixels are NaN in every float image, unlit ones 0.
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -155,6 +158,32 @@ class Result:
         """A direct or global image named in the record, (height, width, 3)."""
         return self._image(path)
 
+    def component_view(self, name: str) -> NDArray[np.float32]:
+        """One component as it lies on the disk, (height, width, 3)."""
+        return self.view(f"components/{name}.tiff")
+
+    def view(self, relative: str) -> NDArray[np.float32]:
+        """A float image of the result as it lies on the disk, (height, width, 3)."""
+        path = self.folder / relative
+        with _opened_tiff(path, (*self.record.shape, 3), np.float32) as page:
+            if not page.is_memmappable:
+                return np.asarray(page.asarray(), np.float32)
+        mapped: NDArray[np.float32] = tifffile.memmap(path, mode="r")
+        return mapped
+
+    @property
+    def sha256(self) -> str:
+        """Digest of result.json as it lies on the disk."""
+        return hashlib.sha256(read_plain(self.folder / RECORD, MAX_JSON_BYTES)).hexdigest()
+
+    def refuse_inside(self, path: Path) -> None:
+        """Refuse to write where a part of the result is or would be."""
+        if path.resolve().is_relative_to(self.folder.resolve()):
+            raise ResultError(
+                f"{path} lies inside the result itself, which stays as it was processed. "
+                "Give another --out."
+            )
+
     @property
     def white(self) -> NDArray[np.float32]:
         """The scene under white light, (height, width, 3)."""
@@ -184,17 +213,25 @@ def write_tiff(path: Path, image: NDArray[np.float32] | NDArray[np.uint8]) -> No
 
 def read_tiff(path: Path, shape: tuple[int, ...], dtype: type[Scalar]) -> NDArray[Scalar]:
     """Read an image of a result after checking that it is the one expected."""
+    with _opened_tiff(path, shape, dtype) as page:
+        return np.asarray(page.asarray(), dtype)
+
+
+@contextmanager
+def _opened_tiff(
+    path: Path, shape: tuple[int, ...], dtype: type[np.generic]
+) -> Iterator[tifffile.TiffPage]:
     try:
         if path.is_symlink() or path.parent.is_symlink():
             raise ResultError(f"Refused {path}: it is a link.")
         with tifffile.TiffFile(path) as file:
-            page = file.pages[0]
+            page = file.pages.first
             if page.shape != shape or page.dtype != dtype:
                 raise ResultError(
                     f"{path} holds {page.shape} {page.dtype}, not {shape} {dtype.__name__} as "
                     "result.json says. Process the session again."
                 )
-            return np.asarray(page.asarray(), dtype)
+            yield page
     except ResultError:
         raise
     except Exception as error:

@@ -1,8 +1,10 @@
-"""Room on the disk, asked before anything is shown."""
+"""Room on the disk, asked before anything is shown; files that are there whole or not at all."""
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from acquire.errors import StorageError
@@ -26,3 +28,16 @@ def check_room(folder: Path, needed_bytes: int) -> None:
             f"The disk of {folder} has {free / 1e9:.2f} GB free; {needed_bytes / 1e9:.2f} GB are "
             "needed. Make room, choose another --out, or plan fewer pitches or shifts."
         )
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a name to write to, with the suffix of `path`; it becomes `path` when all went well."""
+    part = path.with_name(f".part-{path.name}")
+    with storage(path):
+        part.unlink(missing_ok=True)
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import capturing, devices, processing
+from acquire.cli import capturing, devices, processing, results
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -28,6 +28,7 @@ app = typer.Typer(
 )
 capturing.register(app)
 processing.register(app)
+results.register(app)
 devices.register(app)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import dataclass
 
@@ -29,8 +28,7 @@ from acquire.report.plates import (
     spread_pitches,
     white_plate,
 )
-from acquire.result import MAX_JSON_BYTES, RECORD, Result, ResultRecord
-from acquire.session.folder import read_plain
+from acquire.result import Result, ResultRecord
 
 METHODS = {
     "iva": "independent vector analysis",
@@ -108,7 +106,7 @@ def content_of(result: Result) -> Content:
         pitches=pitches,
         mask=mask_plate(result, white.gain),
         drawings=_drawings(record, white, pitches),
-        redo=_redo(record, _digest(result)),
+        redo=_redo(record, result.sha256),
         record=record,
         large_reduction=reduction(record.shape, LARGE_PX),
         small_reduction=reduction(record.shape, SMALL_PX),
@@ -191,11 +189,6 @@ def _noise_share(
         return None
     share = record.noise**2 / energy if energy > 0 else math.nan
     return share if 0 < share < 1 else None
-
-
-def _digest(result: Result) -> str:
-    """SHA-256 of result.json as it lies on the disk."""
-    return hashlib.sha256(read_plain(result.folder / RECORD, MAX_JSON_BYTES)).hexdigest()
 
 
 def _redo(record: ResultRecord, record_sha256: str) -> Redo:

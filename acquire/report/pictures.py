@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from acquire.remix import SATURATED_RGB, developed
 from acquire.result import PixelClass
+from acquire.tone import Tone, encode
 
 LARGE_PX, SMALL_PX = 648, 324
 PIXELATED_UP_TO_PX = 160
-WHITE_PERCENTILE = 99.5
 
 # Okabe and Ito, Color Universal Design (2008): told apart with every kind of colour vision.
-SATURATED_RGB = np.array([0xD5, 0x5E, 0x00], np.uint8)
 UNLIT_RGB = np.array([0x56, 0xB4, 0xE9], np.uint8)
 POSITIVE_RGB = np.array([0xE6, 0x9F, 0x00], np.float64)
 NEGATIVE_RGB = np.array([0x00, 0x72, 0xB2], np.float64)
@@ -52,37 +52,6 @@ class Picture:
     def pixelated(self) -> bool:
         """So few pixels that each is shown as a square instead of blurred."""
         return self.width_px <= PIXELATED_UP_TO_PX
-
-
-def exposure_of(image: NDArray[np.float32]) -> float:
-    """Gain that brings the 99.5th percentile of an image to full brightness.
-
-    Parameters
-    ----------
-    image
-        Linear light, (height, width, 3); NaN where it could not be measured.
-
-    Returns
-    -------
-    Gain > 0; 1 where there is no light to go by.
-    """
-    measured = image[np.isfinite(image)]
-    level = float(np.percentile(measured, WHITE_PERCENTILE)) if measured.size else 0.0
-    return 1 / level if level > 0 else 1.0
-
-
-def encode_srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Linear light to 8-bit sRGB by the transfer curve of IEC 61966-2-1.
-
-    Parameters
-    ----------
-    linear
-        Any shape; 1 is full brightness, values outside [0, 1] are clipped.
-    """
-    clipped = np.clip(linear, 0, 1)
-    curve = 1.055 * clipped ** (1 / 2.4) - 0.055
-    encoded: NDArray[np.float64] = np.where(clipped <= 0.0031308, 12.92 * clipped, curve)
-    return np.rint(255 * encoded).astype(np.uint8)
 
 
 def reduction(shape: tuple[int, int], limit_px: int) -> int:
@@ -135,9 +104,7 @@ def photograph(image: NDArray[np.float32], gain: float, limit_px: int, alt: str)
         The picture in words.
     """
     light = reduced(image, reduction(image.shape[:2], limit_px))
-    unknown = np.isnan(light).any(axis=2, keepdims=True)
-    pixels = encode_srgb(np.where(unknown, 0, light * gain))
-    return _picture(np.where(unknown, SATURATED_RGB, pixels), alt)
+    return _picture(developed(light, gain, Tone.SRGB), alt)
 
 
 def sign_map(image: NDArray[np.float32], gain: float, limit_px: int, alt: str) -> Picture:
@@ -165,7 +132,7 @@ def mask_map(
     """
     factor = reduction(mask.shape, limit_px)
     light = np.nan_to_num(reduced(white, factor).mean(axis=2, keepdims=True))
-    pixels = np.repeat(encode_srgb(light * gain), 3, axis=2) // 2 + 96
+    pixels = np.repeat(encode(light * gain), 3, axis=2) // 2 + 96
     for pixel_class, colour in (
         (PixelClass.UNLIT, UNLIT_RGB),
         (PixelClass.SATURATED, SATURATED_RGB),

@@ -14,13 +14,13 @@ from acquire.report.pictures import (
     LARGE_PX,
     SMALL_PX,
     Picture,
-    exposure_of,
     mask_map,
     photograph,
     reduction,
     sign_map,
 )
 from acquire.result import PitchRecord, PixelClass, Result
+from acquire.tone import exposure_of
 from processing.patterns import Family
 
 MAX_PITCHES = 6

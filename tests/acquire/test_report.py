@@ -18,17 +18,15 @@ import pytest
 from PIL import Image
 from pydantic import JsonValue
 
+from acquire.remix import SATURATED_RGB
 from acquire.report import write_report
 from acquire.report.page import percent
-from acquire.report.pictures import (
-    SATURATED_RGB,
-    UNLIT_RGB,
-    encode_srgb,
-)
+from acquire.report.pictures import UNLIT_RGB
 from acquire.report.plates import spread_pitches
 from acquire.report.settings import bench_toml, commands, run_row
 from acquire.result import PixelClass, Result, write_tiff
 from acquire.session.records import RunRecord, SourceRecord, Transfer
+from acquire.tone import encode
 from processing.patterns import Family
 from tests.acquire.result_folders import SIM, write_result
 
@@ -157,7 +155,7 @@ def test_pictures_share_the_exposure_of_the_white_one(tmp_path: Path) -> None:
         ("interreflection, exposed like the white picture.", result.component("interreflection")),
         ("Direct light at 8 px.", 0.6 * result.white),
     ):
-        expected = encode_srgb(image.astype(np.float64) * gain).astype(int)
+        expected = encode(image.astype(np.float64) * gain).astype(int)
         assert np.abs(page.pixels(alt) - expected).max() <= 1
     assert f"×{gain:.3g}" in page.text
     assert "shown ×1.5" in page.text  # 2/3 of the light needs 3/2 of the exposure

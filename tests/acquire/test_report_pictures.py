@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from acquire.remix import SATURATED_RGB
 from acquire.report.pictures import (
-    SATURATED_RGB,
     UNLIT_RGB,
-    encode_srgb,
-    exposure_of,
     mask_map,
     photograph,
     reduced,
     sign_map,
 )
 from acquire.result import PixelClass
+from acquire.tone import encode, exposure_of
 
 
 @pytest.mark.parametrize(
@@ -27,7 +26,7 @@ from acquire.result import PixelClass
     [(-1.0, 0), (0.0, 0), (0.0031308, 10), (0.18, 118), (0.5, 188), (1.0, 255), (7.0, 255)],
 )
 def test_transfer_curve_of_srgb(linear: float, encoded: int) -> None:
-    assert encode_srgb(np.array([linear]))[0] == encoded
+    assert encode(np.array([linear]))[0] == encoded
 
 
 def test_reduction_averages_linear_light() -> None:
