@@ -35,7 +35,7 @@ from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.session.records import versions
 from acquire.stack import Stack
-from drivers.raw import Demosaic
+from drivers.image import Demosaic
 
 OWN_NUMBER = (
     "The number of components that was asked for had no effect: ranges decides it by the evidence "

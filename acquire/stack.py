@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from acquire.errors import StackError
 from acquire.session import FrameRecord, Session, Transfer
 from drivers.errors import DecodeError
-from drivers.image import LinearImage
+from drivers.image import Demosaic, LinearImage
 from drivers.media import PICTURE_TYPES
 from drivers.picture import decode_picture
-from drivers.raw import Demosaic, decode_raw
+from drivers.raw import decode_raw
 from processing.patterns import Family
 
 DECODERS = 2

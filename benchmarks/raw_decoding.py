@@ -20,8 +20,9 @@ import rawpy
 import tifffile
 from numpy.typing import NDArray
 
+from drivers.image import Demosaic
 from drivers.protocols import CameraSettings
-from drivers.raw import Demosaic, decode_raw
+from drivers.raw import decode_raw
 from drivers.sim.dng import encode_dng
 
 HEIGHT, WIDTH = 3280, 4928  # a Nikon D4S

@@ -1,11 +1,23 @@
-"""What decoding yields: an image whose values are proportional to light."""
+"""What decoding yields, and how: an image whose values are proportional to light."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Demosaic(StrEnum):
+    """How the colours of a mosaic become pixels.
+
+    ``superpixel``: one pixel for each 2 × 2 quad, measured values only. ``bilinear``: one for each
+    photosite, two thirds of the values interpolated.
+    """
+
+    SUPERPIXEL = "superpixel"
+    BILINEAR = "bilinear"
 
 
 @dataclass(frozen=True, slots=True)

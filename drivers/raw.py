@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable
-from enum import StrEnum
 from typing import Any
 
 import rawpy
 
 from drivers.errors import DecodeError
-from drivers.image import LinearImage
+from drivers.image import Demosaic, LinearImage
 from drivers.mosaic import BAYER, Mosaic, bilinear, superpixels
 
 MAX_PHOTOSITES = 400_000_000
@@ -22,17 +21,6 @@ _FORMATS = {
     b"%PDF": "a PDF",
     b"BM": "a BMP",
 }
-
-
-class Demosaic(StrEnum):
-    """How the colours of a mosaic become pixels.
-
-    ``superpixel``: one pixel for each 2 × 2 quad, measured values only. ``bilinear``: one for each
-    photosite, two thirds of the values interpolated.
-    """
-
-    SUPERPIXEL = "superpixel"
-    BILINEAR = "bilinear"
 
 
 _REDUCTIONS: dict[Demosaic, Callable[[Mosaic], LinearImage]] = {

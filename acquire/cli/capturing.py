@@ -19,7 +19,6 @@ from acquire.sequencer import Outcome
 from acquire.session import Session
 from acquire.session.verification import problems
 from acquire.storage import check_room, free_bytes
-from acquire.table import import_table
 
 BenchOption = Annotated[
     str,
@@ -84,6 +83,8 @@ def import_command(
     quiet: Quiet = False,
 ) -> None:
     """Turn a stack that somebody else captured into a session."""
+    from acquire.table import import_table
+
     with ProgressDisplay(quiet=quiet) as progress:
         session = import_table(table, out, transfer=transfer.value, progress=progress)
     typer.echo(f"{len(session.frames)} frames imported into {out}")

@@ -5,24 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from acquire.cli.capturing import Quiet, run_capture
 from acquire.cli.progress import ProgressDisplay
-from acquire.evaluation import Evaluation, evaluate, read_truth
-from acquire.pipeline import METHODS, Options, process
 from acquire.plan_file import example_text, parse_plan
 from acquire.recording import TRUTH
-from acquire.report import write_report
-from acquire.result import Result
 from acquire.rig import find_bench
 from acquire.session import Session
-from drivers.raw import Demosaic
+from drivers.image import Demosaic
+
+if TYPE_CHECKING:
+    from acquire.evaluation import Evaluation
+    from acquire.pipeline import Options
+    from acquire.result import Result
 
 
 def register(app: typer.Typer) -> None:
@@ -40,6 +38,10 @@ def demo_command(
     quiet: Quiet = False,
 ) -> None:
     """The whole job on a simulated bench: capture, separate, decompose, evaluate, report."""
+    from acquire.evaluation import evaluate, read_truth
+    from acquire.pipeline import Options
+    from acquire.report import write_report
+
     plan = parse_plan(example_text(), "the example plan")
     session = run_capture(plan, find_bench("sim"), out / "session", quiet=quiet)
     result = _process(session, out / "result", Options(), quiet=quiet)
@@ -52,7 +54,7 @@ def process_command(
     out: Annotated[Path, typer.Option(help="Result folder; an earlier result is replaced.")],
     method: Annotated[
         str | None,
-        typer.Option(help=f"One of: {', '.join(METHODS)}. Default: ranges where possible."),
+        typer.Option(help="One of: ranges, iva. Default: ranges where possible."),
     ] = None,
     components: Annotated[
         int | None, typer.Option(min=1, help="Number of components of iva; default 3.")
@@ -76,6 +78,9 @@ def process_command(
     quiet: Quiet = False,
 ) -> None:
     """Separate every pitch of a session, decompose it and write the report."""
+    from acquire.pipeline import Options
+    from acquire.report import write_report
+
     options = Options(method, components, iterations, smoothing_px, leak, demosaic)
     result = _process(Session.open(folder), out, options, quiet=quiet)
     typer.echo(f"components: {', '.join(result.record.components)}")
@@ -88,6 +93,9 @@ def evaluate_command(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Compare a result with the truth, single-pitch max/min beside it."""
+    from acquire.evaluation import evaluate, read_truth
+    from acquire.result import Result
+
     result = Result.open(folder)
     evaluation = evaluate(result, read_truth(truth, result.record.shape))
     if as_json:
@@ -98,10 +106,15 @@ def evaluate_command(
 
 def report_command(folder: Annotated[Path, typer.Argument(metavar="RESULT")]) -> None:
     """Write the page of a result again."""
+    from acquire.report import write_report
+    from acquire.result import Result
+
     typer.echo(f"report: {write_report(Result.open(folder))}")
 
 
 def _process(session: Session, out: Path, options: Options, *, quiet: bool) -> Result:
+    from acquire.pipeline import process
+
     with ProgressDisplay(quiet=quiet) as progress:
         result = process(session, out, options, progress)
     for warning in result.record.warnings:
@@ -119,6 +132,10 @@ def _finite(evaluation: Evaluation) -> dict[str, object]:
 
 
 def _print_table(evaluation: Evaluation) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table("truth", "estimate", "how", "error", "after gains", box=SIMPLE_HEAD)
     for row in evaluation.rows:
         table.add_row(

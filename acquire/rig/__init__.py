@@ -1,4 +1,7 @@
-"""The one place that knows concrete devices: turns ``--bench`` into a projector and a camera."""
+"""The one place that knows concrete devices: turns ``--bench`` into a projector and a camera.
+
+A bench's module is imported when the bench is named: a real one needs no simulated scenes.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,23 @@ from pathlib import Path
 
 from acquire.bench_file import LabBench, SimBench, read_bench
 from acquire.rig.bench import Bench, Resumption
-from acquire.rig.lab import lab_bench
-from acquire.rig.replayed import replay_bench
-from acquire.rig.simulated import simulated_bench
 
-__all__ = ["Bench", "Resumption", "find_bench", "lab_bench", "simulated_bench"]
+__all__ = ["Bench", "Resumption", "find_bench"]
 
 
 def find_bench(text: str) -> Bench:
     """The bench that ``--bench`` names: sim, lab, replay:SESSION or a TOML file."""
     kind, _, rest = text.partition(":")
     if kind == "replay" and rest:
+        from acquire.rig.replayed import replay_bench
+
         return replay_bench(Path(rest))
     named: dict[str, SimBench | LabBench] = {"sim": SimBench(), "lab": LabBench()}
     bench = named[text] if text in named else read_bench(Path(text))
-    return simulated_bench(bench.sim) if isinstance(bench, SimBench) else lab_bench(bench)
+    if isinstance(bench, SimBench):
+        from acquire.rig.simulated import simulated_bench
+
+        return simulated_bench(bench.sim)
+    from acquire.rig.lab import lab_bench
+
+    return lab_bench(bench)

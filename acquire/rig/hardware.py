@@ -10,9 +10,6 @@ from drivers.clock import SystemClock
 from drivers.monitors import Monitor
 from drivers.protocols import CameraSettings, RawFrame
 from drivers.ptp.discovery import FoundCamera, list_cameras, open_camera
-from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
-from drivers.sim.ptp_responder.responder import Responder
-from drivers.sim.ptp_responder.server import serve_ptpip
 from drivers.window import WindowProjector
 from drivers.xserver import list_monitors
 from processing.patterns import Pattern
@@ -51,6 +48,12 @@ def shoot(address: str | None, settings: CameraSettings) -> tuple[RawFrame, tupl
 
 def simulate_camera(endpoint: str, misbehaviours: Sequence[str]) -> None:
     """Serve a simulated D4S-like camera over PTP/IP at HOST:PORT until interrupted."""
+    from drivers.sim.ptp_responder.darkroom import Darkroom
+    from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
+    from drivers.sim.ptp_responder.responder import Responder
+    from drivers.sim.ptp_responder.scenery import simulated_scene
+    from drivers.sim.ptp_responder.server import serve_ptpip
+
     host, _, port = endpoint.rpartition(":")
     if not port.isdigit() or int(port) > 65535:
         raise BenchError(f"--ptpip {endpoint!r} is no address; write HOST:PORT, 127.0.0.1:15740.")
@@ -58,4 +61,5 @@ def simulate_camera(endpoint: str, misbehaviours: Sequence[str]) -> None:
         script = [Misbehaviour.parse(text) for text in misbehaviours]
     except ValueError as error:
         raise BenchError(f"--misbehave: {error}.") from error
-    serve_ptpip(Responder(misbehaviours=script), host or LOOPBACK, int(port))
+    camera = Responder(simulated_scene(), misbehaviours=script, developer=Darkroom())
+    serve_ptpip(camera, host or LOOPBACK, int(port))

@@ -11,7 +11,8 @@ from acquire.pause import Pause
 from acquire.plan import Plan, Step
 from acquire.plan_file import parse_plan
 from acquire.recording import record
-from acquire.rig import Bench, simulated_bench
+from acquire.rig import Bench
+from acquire.rig.simulated import simulated_bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
 

@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from acquire.cli.main import app
 from acquire.errors import LumisplitError
+from acquire.pipeline import METHODS
 from acquire.plan_file import example_text
 from drivers.errors import DriverError
 from tests.acquire.captures import SMALL_PLAN
@@ -159,3 +160,18 @@ def test_progress_off_a_terminal_is_plain_lines(desk: Path) -> None:
     quiet = lumisplit(*words, f"{desk}/b", "--quiet")
     assert quiet.stderr == ""
     assert quiet.stdout.splitlines() == [f"18 frames in {desk}/b"]
+
+
+def test_the_command_line_waits_for_no_library_that_only_some_commands_need() -> None:
+    program = "import sys, acquire.cli; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert {"acquire", "typer"} <= loaded
+    assert not loaded & {"matplotlib", "scipy", "numba", "cv2", "rawpy", "PIL"}
+
+
+def test_the_help_names_every_method() -> None:
+    help_text = CliRunner().invoke(app, ["process", "--help"], env={"COLUMNS": "200"}).output
+    assert f"One of: {', '.join(METHODS)}." in help_text

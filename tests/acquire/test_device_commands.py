@@ -13,12 +13,13 @@ from acquire.bench_file import LabBench, read_bench
 from acquire.errors import BenchError
 from drivers.raw import decode_raw
 from drivers.sim.ptp_responder.responder import Responder
+from drivers.sim.ptp_responder.scenery import simulated_scene
 from drivers.sim.ptp_responder.server import PtpIpServer
 
 
 @pytest.fixture
 def camera() -> Iterator[str]:
-    with PtpIpServer(Responder()) as server:
+    with PtpIpServer(Responder(simulated_scene())) as server:
         yield f"ptpip:127.0.0.1:{server.address[1]}"
 
 

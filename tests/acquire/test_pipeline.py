@@ -12,7 +12,7 @@ from acquire.pipeline import INTERPOLATED, Options, process
 from acquire.report.settings import commands
 from acquire.result import Result
 from acquire.session import Session
-from drivers.raw import Demosaic
+from drivers.image import Demosaic
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")

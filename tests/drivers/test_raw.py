@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from drivers.errors import DecodeError
+from drivers.image import Demosaic
 from drivers.protocols import CameraSettings
-from drivers.raw import Demosaic, decode_raw
+from drivers.raw import decode_raw
 from drivers.sim.dng import encode_dng
 
 EXPOSURE = CameraSettings(0.1, 8.0, 200)

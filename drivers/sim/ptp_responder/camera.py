@@ -9,7 +9,7 @@ from drivers.sim.ptp_responder.body import Body
 from drivers.sim.ptp_responder.misbehaviour import Name
 from drivers.sim.ptp_responder.settings import PropertyTable
 from drivers.sim.ptp_responder.shutter import Shutter
-from drivers.sim.ptp_responder.source import ImageSource, developed
+from drivers.sim.ptp_responder.source import Developer, ImageSource
 from drivers.sim.ptp_responder.store import Store
 
 MIRROR_S = 0.2  # until live view delivers
@@ -28,6 +28,8 @@ class SimulatedBody:
         Which body.
     source
         Its pictures.
+    developer
+        What makes JPEGs of them.
     clock
         Its time.
     max_images
@@ -49,6 +51,7 @@ class SimulatedBody:
         self,
         model: Body,
         source: ImageSource,
+        developer: Developer,
         clock: Clock,
         max_images: int,
         autofocus_finds: bool,
@@ -56,10 +59,13 @@ class SimulatedBody:
         self.model = model
         self.properties = PropertyTable(model)
         self.store = Store(max_images)
-        self.shutter = Shutter(self.properties, self.store, source, clock, autofocus_finds)
+        self.shutter = Shutter(
+            self.properties, self.store, source, developer, clock, autofocus_finds
+        )
         self.session = 0
         self.is_remote = False
         self.event_fault: Name | None = None
+        self.developer = developer
         self._source = source
         self._clock = clock
         self._live_from_s: float | None = None
@@ -101,7 +107,7 @@ class SimulatedBody:
             raise RefusalError(ResponseCode.NIKON_NOT_LIVE_VIEW)
         if self.is_busy:
             raise RefusalError(ResponseCode.DEVICE_BUSY)
-        return developed(*self._source(self.properties.camera_settings()))
+        return self.developer.jpeg(*self._source(self.properties.camera_settings()))
 
     def leave(self) -> None:
         """The host has closed its session or is gone."""

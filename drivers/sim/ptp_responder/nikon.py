@@ -10,7 +10,6 @@ from drivers.ptp.cursor import array_bytes
 from drivers.ptp.vendor_events import encode_nikon_events
 from drivers.sim.ptp_responder.answer import Answer, RefusalError
 from drivers.sim.ptp_responder.shutter import Order
-from drivers.sim.ptp_responder.source import developed
 from drivers.sim.ptp_responder.standard import Call, Handler
 
 LIVE_HEADER_BYTES = 384  # before the JPEG of a live view image; bodies differ, hosts search
@@ -72,7 +71,7 @@ def _focus(call: Call) -> Answer:
 
 def _large_thumb(call: Call) -> Answer:
     stored = call.body.store.get(call.parameters[0])
-    return Answer(data=developed(stored.data, stored.media_type))
+    return Answer(data=call.body.developer.jpeg(stored.data, stored.media_type))
 
 
 def _start_live_view(call: Call) -> Answer:

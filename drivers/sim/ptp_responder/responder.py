@@ -15,7 +15,7 @@ from drivers.sim.ptp_responder.answer import Answer, Cut, Output, Raw, RefusalEr
 from drivers.sim.ptp_responder.body import Body, d4s
 from drivers.sim.ptp_responder.camera import SimulatedBody
 from drivers.sim.ptp_responder.misbehaviour import OF_A_SHOT, Misbehaviour, Name, Script
-from drivers.sim.ptp_responder.source import ImageSource, simulated_scene
+from drivers.sim.ptp_responder.source import Developer, ImageSource, NoDeveloper
 
 CARD_IMAGES = 999
 
@@ -30,7 +30,7 @@ class Responder:
     Parameters
     ----------
     source
-        Its pictures; a simulated scene's when None.
+        Its pictures.
     model
         Which body; a Nikon D4S when None.
     misbehaviours
@@ -41,20 +41,24 @@ class Responder:
         That its card holds; 0 for no card.
     autofocus_finds
         Whether there is anything for the autofocus to hold on to.
+    developer
+        What makes JPEGs of its raw files; None where none are asked for.
     """
 
     def __init__(
         self,
-        source: ImageSource | None = None,
+        source: ImageSource,
         model: Body | None = None,
         misbehaviours: Sequence[Misbehaviour] = (),
         clock: Clock | None = None,
         card_images: int = CARD_IMAGES,
         autofocus_finds: bool = True,
+        developer: Developer | None = None,
     ) -> None:
         self._body = SimulatedBody(
             d4s() if model is None else model,
-            simulated_scene() if source is None else source,
+            source,
+            NoDeveloper() if developer is None else developer,
             SystemClock() if clock is None else clock,
             card_images,
             autofocus_finds,

@@ -14,7 +14,7 @@ from drivers.sim.ptp_responder.answer import RefusalError
 from drivers.sim.ptp_responder.body import MANUAL_FOCUS, RAW
 from drivers.sim.ptp_responder.misbehaviour import Name
 from drivers.sim.ptp_responder.settings import PropertyTable
-from drivers.sim.ptp_responder.source import ImageSource, developed
+from drivers.sim.ptp_responder.source import JPEG, Developer, ImageSource
 from drivers.sim.ptp_responder.store import Store
 
 WRITING_S = 0.05
@@ -59,7 +59,7 @@ class Shutter:
 
     Parameters
     ----------
-    properties, store, source, clock
+    properties, store, source, developer, clock
         The rest of the body.
     autofocus_finds
         Whether there is anything for the autofocus to hold on to.
@@ -70,12 +70,14 @@ class Shutter:
         properties: PropertyTable,
         store: Store,
         source: ImageSource,
+        developer: Developer,
         clock: Clock,
         autofocus_finds: bool,
     ) -> None:
         self._properties = properties
         self._store = store
         self._source = source
+        self._developer = developer
         self._clock = clock
         self._autofocus_finds = autofocus_finds
         self._shot: _Shot | None = None
@@ -153,7 +155,7 @@ class Shutter:
         raw = (data, media_type)
         if quality == RAW:
             return (raw,)
-        jpeg = (developed(data, media_type), "image/jpeg")
+        jpeg = (self._developer.jpeg(data, media_type), JPEG)
         return (raw, jpeg) if quality > RAW else (jpeg,)
 
 

@@ -14,7 +14,6 @@ from drivers.ptp.wire import Bytes
 from drivers.sim.ptp_responder.answer import Answer, RefusalError
 from drivers.sim.ptp_responder.camera import SimulatedBody
 from drivers.sim.ptp_responder.shutter import Order
-from drivers.sim.ptp_responder.source import developed, thumbnail
 from drivers.sim.ptp_responder.store import EVERY, STORAGE
 
 
@@ -92,7 +91,7 @@ def _thumb(call: Call) -> Answer:
     stored = call.body.store.get(call.parameters[0])
     if not stored.data:
         raise RefusalError(ResponseCode.NO_THUMBNAIL_PRESENT)
-    return Answer(data=thumbnail(developed(stored.data, stored.media_type)))
+    return Answer(data=call.body.developer.thumbnail(stored.data, stored.media_type))
 
 
 def _delete(call: Call) -> Answer:

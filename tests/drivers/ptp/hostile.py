@@ -42,6 +42,7 @@ from drivers.ptp.vendor_events import (
 from drivers.ptp.wire import Container
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.ptp_responder.body import d4s
+from drivers.sim.ptp_responder.darkroom import Darkroom
 from drivers.sim.ptp_responder.packet_stream import OperationStream, PacketStream
 from drivers.sim.ptp_responder.responder import Responder
 from tests.drivers.ptp.streams import (
@@ -153,7 +154,10 @@ class _HostileHost:
     def __init__(self) -> None:
         self._clock = SimulatedClock()
         self._responder = Responder(
-            source=lambda _: (PAYLOAD, "image/x-raw"), clock=self._clock, card_images=3
+            source=lambda _: (PAYLOAD, "image/x-raw"),
+            clock=self._clock,
+            card_images=3,
+            developer=Darkroom(),
         )
 
     def read(self, stream: bytes, rng: random.Random) -> None:

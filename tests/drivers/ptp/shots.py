@@ -9,6 +9,7 @@ from drivers.ptp.wire import Container
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.ptp_responder.answer import Output
 from drivers.sim.ptp_responder.body import d4s, plain
+from drivers.sim.ptp_responder.darkroom import Darkroom
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
 from tests.drivers.ptp.host import Host
@@ -40,6 +41,7 @@ class Bench:
             self.clock,
             card_images,
             autofocus_finds,
+            Darkroom(),
         )
         self.host = Host(self.responder, piece)
 

@@ -19,10 +19,12 @@ from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.devices import SimulationConfig
 from drivers.sim.ptp_responder.body import Body, d4s, plain
+from drivers.sim.ptp_responder.darkroom import Darkroom
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
+from drivers.sim.ptp_responder.scenery import simulated_scene
 from drivers.sim.ptp_responder.server import PtpIpServer
-from drivers.sim.ptp_responder.source import ImageSource, simulated_scene
+from drivers.sim.ptp_responder.source import ImageSource
 
 TIMEOUT_S = 60
 Gphoto2: TypeAlias = Callable[..., str]
@@ -70,7 +72,8 @@ def gphoto2(
 
 
 def camera(source: ImageSource, body: Body, misbehaviours: tuple[str, ...]) -> Responder:
-    return Responder(source, body, [Misbehaviour.parse(text) for text in misbehaviours])
+    wrong = [Misbehaviour.parse(text) for text in misbehaviours]
+    return Responder(source, body, wrong, developer=Darkroom())
 
 
 def scene(source: ImageSource, settings: CameraSettings) -> LinearImage:

@@ -26,8 +26,9 @@ from drivers.ptp.wire import Container
 from drivers.raw import decode_raw
 from drivers.sim.devices import SimulationConfig
 from drivers.sim.ptp_responder.body import BULB
+from drivers.sim.ptp_responder.darkroom import Darkroom
 from drivers.sim.ptp_responder.responder import Responder
-from drivers.sim.ptp_responder.source import simulated_scene
+from drivers.sim.ptp_responder.scenery import simulated_scene
 from drivers.sim.ptp_responder.store import SDRAM_HANDLE
 from tests.drivers.ptp.host import Host
 from tests.drivers.ptp.shots import AF, ALL, CAPTURE, CARD, NO_AF, RAW_FILE, SDRAM, Bench, outputs
@@ -235,10 +236,10 @@ def test_data_of_another_transaction_than_the_command_s_do_nothing() -> None:
     assert bench.host.value(Property.F_NUMBER) == 800
 
 
-def test_the_default_source_is_a_simulated_scene() -> None:
+def test_its_pictures_may_be_of_a_simulated_scene() -> None:
     config = SimulationConfig(camera_px=(24, 32), projector_px=(72, 96))
     source = simulated_scene(config)
-    host = Host(Responder(source))
+    host = Host(Responder(source, developer=Darkroom()))
     host.set(NikonProperty.SHUTTER_SPEED, 1 << 16 | 20)
     assert host.call(CAPTURE, NO_AF, CARD).code == ResponseCode.OK
     assert host.call(CAPTURE, NO_AF, CARD).code == ResponseCode.DEVICE_BUSY
