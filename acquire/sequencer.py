@@ -19,6 +19,7 @@ from acquire.errors import BenchError, StorageError
 from acquire.pause import Pause
 from acquire.session import FrameRecord, Session
 from drivers.errors import CameraTimeoutError
+from drivers.media import PICTURE_TYPES
 from drivers.raster import raster_digest
 
 if TYPE_CHECKING:
@@ -75,6 +76,8 @@ def capture(
     StorageError
         The disk does not take a frame; the session stays whole.
     """
+    for warning in devices.warnings:
+        observer.warning(f"camera: {warning}")
     session.begin_run(devices.clock.now())
     try:
         outcome = _Capture(session, devices, observer, stop, pause or Pause()).run()
@@ -155,6 +158,7 @@ class _Capture:
                 self.observer.warning(f"step {step.index}: {error} Trying again.")
             else:
                 _check_settings(step, frame.settings)
+                _check_kind(step, frame)
                 return frame
         raise AssertionError
 
@@ -175,4 +179,13 @@ def _check_settings(step: Step, actual: CameraSettings) -> None:
             f"Step {step.index}: the camera exposed with {actual}, the plan asks for "
             f"{step.settings}. The frame was not kept. Set the camera's dial to M and lock its "
             "settings, or correct the plan's [camera]."
+        )
+
+
+def _check_kind(step: Step, frame: RawFrame) -> None:
+    if frame.media_type in PICTURE_TYPES:
+        raise BenchError(
+            f"Step {step.index}: the camera delivered {frame.media_type}, whose values are no "
+            "longer proportional to light. The frame was not kept. Set the camera's picture "
+            "quality to RAW."
         )

@@ -123,8 +123,12 @@ class Clock(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What a capture needs of a bench."""
+    """What a capture needs of a bench.
+
+    `warnings` are what a person should change on the devices, as found on opening them.
+    """
 
     projector: Projector
     camera: Camera
     clock: Clock
+    warnings: tuple[str, ...] = ()

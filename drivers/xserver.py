@@ -252,6 +252,24 @@ def list_monitors() -> tuple[Monitor, ...]:
         server.close()
 
 
+def colour_casts() -> dict[str, float]:
+    """How far each lit monitor's gamma ramps are from neutral, by connector (see `cast`)."""
+    server = XServer()
+    try:
+        lit = server.monitors(probe=False)
+        return {each.connector: cast(server.gamma_ramp(each.connector)) for each in lit}
+    finally:
+        server.close()
+
+
+def cast(ramp: Ramp) -> float:
+    """Largest difference between the three ramps at one step, as a fraction of full light.
+
+    0 for neutral ones, whatever their curve; a night light's 4000 K take blue down by a third.
+    """
+    return max((max(step) - min(step) for step in zip(*ramp, strict=True)), default=0) / 65535
+
+
 def linear(ramp: Ramp) -> Ramp:
     """The linear gamma ramp of the same length."""
     last = max(len(ramp[0]) - 1, 1)

@@ -85,11 +85,34 @@ def _look_at_monitors() -> Iterator[Finding]:
         yield Finding("projector", Verdict.GOOD, str(choose_monitor(found, None)))
     except DriverError as error:
         yield Finding("projector", Verdict.BAD, str(error))
+    yield from _look_at_colours()
+
+
+def _look_at_colours() -> Iterator[Finding]:
+    """A night light keeps setting ramps, also those that the pattern window has made linear."""
     night = next((name for name in ("redshift", "gammastep") if _is_running(name)), None)
     if night is not None:
-        yield Finding(
-            "colours", Verdict.BAD, f"{night} shifts the colours of the screens: `pkill {night}`"
-        )
+        text = f"{night} shifts the colours of the screens: `pkill {night}`"
+        yield Finding("colours", Verdict.BAD, text)
+        return
+    try:
+        tinted = hardware.tinted_monitors()
+    except DriverError as error:
+        yield Finding("colours", Verdict.NOTE, f"the gamma ramps cannot be read: {error}")
+        return
+    for connector, cast in tinted.items():
+        yield Finding("colours", Verdict.BAD, _TINTED.format(connector=connector, cast=cast))
+    if not tinted:
+        yield Finding("colours", Verdict.GOOD, "the gamma ramps of all monitors are neutral")
+
+
+_TINTED = (
+    "the gamma ramps of {connector} differ between the colours by {cast:.0%} of full light: a "
+    "night light or a display profile is at work, and may come back in mid-capture. GNOME: "
+    "`gsettings set org.gnome.settings-daemon.plugins.color night-light-enabled false`; KDE: "
+    "System Settings, Night Light; a profile: `xrandr --output {connector} --gamma 1:1:1` and no "
+    "profile for it in the colour settings"
+)
 
 
 def _look_at_opengl() -> Iterator[Finding]:

@@ -11,15 +11,22 @@ from drivers.monitors import Monitor
 from drivers.protocols import CameraSettings, RawFrame
 from drivers.ptp.discovery import FoundCamera, list_cameras, open_camera
 from drivers.window import WindowProjector
-from drivers.xserver import list_monitors
+from drivers.xserver import colour_casts, list_monitors
 from processing.patterns import Pattern
 
 LOOPBACK = "127.0.0.1"
+# Display profiles differ by some percent between the colours, night lights by tens.
+NEUTRAL_CAST = 0.05
 
 
 def monitors() -> Sequence[Monitor]:
     """Every lit monitor; raises `drivers.errors.ProjectorError` without an X server."""
     return list_monitors()
+
+
+def tinted_monitors() -> dict[str, float]:
+    """Monitors whose gamma ramps colour what they show, and by what fraction of full light."""
+    return {name: cast for name, cast in colour_casts().items() if cast > NEUTRAL_CAST}
 
 
 def show_pattern(

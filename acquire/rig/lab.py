@@ -56,10 +56,19 @@ def _connect(lab: LabBench, connector: str, resumption: Resumption, closing: Exi
     clock = SystemClock()
     if lab.lamp is not None:
         _light(lab.lamp, clock, closing)
-    camera = _camera(lab, resumption.plan, clock, closing)
-    closing.callback(camera.close)
-    projector = WindowProjector(connector, resumption.plan.projector.settle_s, clock)
-    return closed_with(Devices(projector, camera, clock), closing)
+    plan = resumption.plan
+    camera: Camera
+    warnings: tuple[str, ...] = ()
+    if lab.folder is None:
+        camera = ptp = open_camera(lab.camera.address, clock)
+        closing.callback(camera.close)
+        state = ptp.state()
+        warnings = (*state.warnings, *state.shortage(len(plan) - len(resumption.taken)))
+    else:
+        camera = _folder_camera(lab.folder, plan, clock, closing)
+        closing.callback(camera.close)
+    projector = WindowProjector(connector, plan.projector.settle_s, clock)
+    return closed_with(Devices(projector, camera, clock, warnings), closing)
 
 
 def _light(section: LampSection, clock: Clock, closing: ExitStack) -> None:
@@ -72,12 +81,6 @@ def _light(section: LampSection, clock: Clock, closing: ExitStack) -> None:
     if section.input is not None:
         lamp.select_input(section.input)
     lamp.unfreeze()
-
-
-def _camera(lab: LabBench, plan: Plan, clock: Clock, closing: ExitStack) -> Camera:
-    if lab.folder is None:
-        return open_camera(lab.camera.address, clock)
-    return _folder_camera(lab.folder, plan, clock, closing)
 
 
 def _folder_camera(

@@ -10,6 +10,7 @@ from drivers.protocols import CameraSettings
 from drivers.ptp.codes import ResponseCode
 from drivers.ptp.errors import PtpRefusedError
 from drivers.ptp.objects import CameraFile
+from drivers.ptp.stores import Room
 
 # From the end of the exposure; noise reduction alone takes as long again as a long exposure.
 GIVE_UP_S = 70.0
@@ -29,6 +30,12 @@ class CameraState:
         Whether lens and body focus by hand.
     takes_raw
         Whether the picture quality has a raw file in it.
+    unnamed_quality
+        The picture quality of a camera whose numbers for it are not known.
+    room
+        What its cards still take.
+    fills_card
+        Whether every exposure stays on a card.
     settings
         The exposure as it is set now.
     """
@@ -37,6 +44,9 @@ class CameraState:
     is_manual_exposure: bool | None = None
     is_manual_focus: bool | None = None
     takes_raw: bool | None = None
+    unnamed_quality: int | None = None
+    room: Room | None = None
+    fills_card: bool = False
     settings: CameraSettings | None = None
 
     @property
@@ -49,9 +59,26 @@ class CameraState:
             found.append("autofocus is on: switch lens and body to M, so that nothing moves")
         if self.takes_raw is False:
             found.append("the picture quality is JPEG: set it to RAW")
+        if self.unnamed_quality is not None:
+            found.append(
+                f"its picture quality is number {self.unnamed_quality}, which only its maker can "
+                "name: set it to RAW at the camera, without JPEG"
+            )
+        if self.room is not None and self.room.is_full:
+            found.append("the card is full: put in an empty one or delete pictures")
         if self.battery_percent is not None and self.battery_percent < 20:
             found.append(f"the battery is at {self.battery_percent} %: charge or use mains power")
         return tuple(found)
+
+    def shortage(self, frames: int) -> tuple[str, ...]:
+        """What a person should know of the card before so many exposures."""
+        images = None if self.room is None else self.room.images
+        if not self.fills_card or not images or images >= frames:
+            return ()
+        return (
+            f"the card takes {images} more pictures and {frames} are to come: put in an empty one "
+            "or delete pictures, or the capture stops when it is full",
+        )
 
 
 class Body(Protocol):

@@ -1,7 +1,7 @@
 """Canon EOS.
 
 No recorded traffic of these cameras was at hand. Operations, records and the order of steps are
-those that libgphoto2 (camlibs/ptp2) uses.
+those that libgphoto2 (camlibs/ptp2) uses; the meaning of the battery's steps is from its config.c.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ HALF, FULL = 1, 2
 # Of a picture format: number of entries, then length, kind, size and compression of each.
 RAW_ONLY = struct.pack("<5I", 1, 0x10, 6, 0, 4)
 RAW_KIND = 6
+# "Low" stands for the least step.
+BATTERY_PERCENT = {0: 0, 5: 25, 1: 50, 4: 75, 2: 100}
 
 
 class CanonBody:
@@ -88,7 +90,9 @@ class CanonBody:
         formats = self._formats()
         exposure_s = self._quantity(CanonProperty.SHUTTER_SPEED, EXPOSURE_TIME)
         iso = self._quantity(CanonProperty.ISO_SPEED, ISO_SPEED)
+        battery = self._number(CanonProperty.BATTERY_POWER)
         return CameraState(
+            battery_percent=None if battery is None else BATTERY_PERCENT.get(battery),
             is_manual_exposure=None if mode is None else mode == MANUAL_EXPOSURE,
             is_manual_focus=None if focus is None else focus == MANUAL_FOCUS,
             takes_raw=RAW_KIND in formats if formats else None,

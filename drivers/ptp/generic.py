@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 
-from drivers.errors import CameraError, CameraTimeoutError
+from drivers.errors import CameraError, CameraTimeoutError, SettingsError
 from drivers.protocols import CameraSettings
-from drivers.ptp import objects
+from drivers.ptp import objects, stores
 from drivers.ptp.body import CameraState
 from drivers.ptp.codes import EventCode, Operation, Property, ResponseCode
 from drivers.ptp.datasets import DeviceInfo
 from drivers.ptp.dials import Dials
 from drivers.ptp.errors import PtpRefusedError
 from drivers.ptp.exposure import F_NUMBER, ISO, TENTHS_OF_MILLISECONDS
+from drivers.ptp.nikon import RAW, RAW_AND_JPEG
 from drivers.ptp.objects import CameraFile
+from drivers.ptp.properties import Choices
 from drivers.ptp.session import PtpSession
 from drivers.ptp.shot import Shot
 
@@ -33,18 +36,34 @@ class GenericBody:
         self._session = session
         self._operations = frozenset(device.operations)
         self._dials = Dials(session, device.properties)
+        # The standard leaves the numbers of picture qualities to the makers.
+        self._names_quality = "nikon" in device.manufacturer.lower()
+        self._quality_before: int | None = None
 
     def take_control(self) -> None:
-        """Nothing to take: the standard knows no remote mode."""
+        """The standard knows no remote mode; quality raw, where its number is known."""
+        about = self._dials.describe(Property.COMPRESSION) if self._names_quality else None
+        if about is None or not isinstance(about.current, int) or about.current == RAW:
+            return
+        if about.is_writable and isinstance(about.allowed, Choices) and RAW in about.allowed.values:
+            self._quality_before = about.current
+            self._dials.set_number(about, RAW, "picture quality")
 
     def give_back(self) -> None:
-        """Nothing to give back."""
+        """The picture quality of before."""
+        quality, self._quality_before = self._quality_before, None
+        about = None if quality is None else self._dials.describe(Property.COMPRESSION)
+        if about is not None and quality is not None:
+            with contextlib.suppress(PtpRefusedError, SettingsError):
+                self._dials.set_number(about, quality, "picture quality of before")
 
     def state(self) -> CameraState:
         """What the standard's properties tell."""
         dials = self._dials
         program = dials.number(Property.EXPOSURE_PROGRAM)
         focus = dials.number(Property.FOCUS_MODE)
+        quality = dials.number(Property.COMPRESSION)
+        is_raw = quality in {RAW, *RAW_AND_JPEG} if self._names_quality else None
         exposure_s = dials.quantity(Property.EXPOSURE_TIME, TENTHS_OF_MILLISECONDS)
         iso = dials.quantity(Property.EXPOSURE_INDEX, ISO)
         aperture = dials.quantity(Property.F_NUMBER, F_NUMBER)
@@ -52,6 +71,10 @@ class GenericBody:
             battery_percent=dials.number(Property.BATTERY_LEVEL),
             is_manual_exposure=None if program is None else program == MANUAL_EXPOSURE,
             is_manual_focus=None if focus is None else focus == MANUAL_FOCUS,
+            takes_raw=None if quality is None else is_raw,
+            unnamed_quality=None if self._names_quality else quality,
+            room=stores.room(self._session, self._operations),
+            fills_card=True,
             settings=None
             if exposure_s is None
             else CameraSettings(exposure_s, aperture, None if iso is None else round(iso)),

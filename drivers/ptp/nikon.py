@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from drivers.errors import CameraTimeoutError, SettingsError
 from drivers.protocols import CameraSettings
-from drivers.ptp import nikon_live_view, objects
+from drivers.ptp import nikon_live_view, objects, stores
 from drivers.ptp.body import CameraState
 from drivers.ptp.codes import (
     DataType,
@@ -100,6 +100,7 @@ class NikonBody:
             is_manual_exposure=None if program is None else program == MANUAL_EXPOSURE,
             is_manual_focus=self._is_manual_focus(),
             takes_raw=None if quality is None else quality in {RAW, *RAW_AND_JPEG},
+            room=stores.room(self._session, self._operations),
             settings=None
             if exposure_s is None
             else CameraSettings(exposure_s, aperture, None if iso is None else round(iso)),

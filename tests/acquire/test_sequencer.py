@@ -53,6 +53,7 @@ class BareCamera:
     settings: CameraSettings | None = None
     before: Callable[[int], None] = lambda _: None
     attempts: int = 0
+    media_type: str = "image/x-adobe-dng"
 
     def capture(self, settings: CameraSettings) -> RawFrame:
         attempt, self.attempts = self.attempts, self.attempts + 1
@@ -61,14 +62,14 @@ class BareCamera:
             raise self.failures[attempt]
         assert self.projector.shown is not None
         data = self.projector.shown.tobytes()
-        return RawFrame(data, "image/x-adobe-dng", self.settings or settings, 1.0, 2.0)
+        return RawFrame(data, self.media_type, self.settings or settings, 1.0, 2.0)
 
     def close(self) -> None:
         pass
 
 
-def bare_bench(camera: BareCamera) -> Bench:
-    devices = Devices(camera.projector, camera, SimulatedClock())
+def bare_bench(camera: BareCamera, warnings: tuple[str, ...] = ()) -> Bench:
+    devices = Devices(camera.projector, camera, SimulatedClock(), warnings)
     return Bench(
         "bare",
         {"kind": "bare"},
@@ -277,3 +278,22 @@ def test_stop_event_set_before_the_start_takes_no_frame(tmp_path: Path) -> None:
     session, outcome = captured(tmp_path / "s", notes=Notes(stop=stop))
     assert outcome is Outcome.STOPPED
     assert session.frames == []
+
+
+@pytest.mark.parametrize("kind", ["image/jpeg", "image/tiff"])
+def test_a_camera_that_delivers_developed_pictures_stops_at_the_first(
+    tmp_path: Path, kind: str
+) -> None:
+    projector = BareProjector()
+    bench = bare_bench(BareCamera(projector, media_type=kind))
+    with pytest.raises(BenchError, match="RAW"):
+        captured(tmp_path / "s", bench=bench)
+    assert Session.open(tmp_path / "s").frames == []
+    assert projector.shown is not None
+    assert not projector.shown.any()
+
+
+def test_what_a_person_should_change_on_the_camera_is_said_first(tmp_path: Path) -> None:
+    notes = Notes(stop_after=0)
+    captured(tmp_path / "s", bench=bare_bench(BareCamera(BareProjector()), ("full",)), notes=notes)
+    assert notes.warnings == ["camera: full"]
