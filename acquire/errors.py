@@ -6,7 +6,8 @@ LumisplitError
 │   └── StorageError    the disk did not take a frame
 ├── BenchError      the bench is unknown, misdescribed or does not fit the plan
 ├── StackError      the frames cannot be measured together
-└── ResultError     the result folder or truth file cannot be used
+├── ResultError     the result folder or truth file cannot be used
+└── ProfileError    a calibration cannot be had, read, or used here
 """
 
 from __future__ import annotations
@@ -38,3 +39,7 @@ class StackError(LumisplitError):
 
 class ResultError(LumisplitError):
     """The result folder or the truth file cannot be used."""
+
+
+class ProfileError(LumisplitError):
+    """A calibration cannot be had, its profile not be read, or not be used here."""

@@ -1,25 +1,18 @@
-"""The frames of a session as linear light, one at a time."""
+"""The frames of a session by pitch, and its references."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquire.errors import StackError
-from acquire.session import FrameRecord, Session, Transfer
-from drivers.errors import DecodeError
-from drivers.image import Demosaic, LinearImage
-from drivers.media import PICTURE_TYPES
-from drivers.picture import decode_picture
-from drivers.raw import decode_raw
+from acquire.frames import Frames
+from acquire.session import FrameRecord, Session
+from drivers.image import Demosaic
 from processing.patterns import Family
-
-DECODERS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,32 +41,16 @@ class Reference:
     spread: float
 
 
-class Stack:
-    """Decodes a session lazily; knows which frames belong together.
-
-    Raw frames become pixels as `demosaic` says; pictures have theirs already.
-    `saturated`, (height, width), collects the pixels that reached the white level in any frame
-    decoded so far.
-    """
+class Stack(Frames):
+    """Decodes a session lazily; knows which frames belong together."""
 
     def __init__(self, session: Session, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> None:
-        self._session = session
-        self._demosaic = demosaic
-        self._transfer = session.record.source.transfer if session.record.source else Transfer.RAW
+        super().__init__(session, demosaic)
         self.groups = _groups(session.frames)
         if not self.groups:
             raise StackError(
                 f"{session.folder} holds no pattern frames yet; there is nothing to separate."
             )
-        self.saturated: NDArray[np.bool_] | None = None
-
-    @property
-    def has_mosaics(self) -> bool:
-        """Whether any frame is a raw file, which `demosaic` makes pixels of."""
-        return not all(self._is_picture(frame) for frame in self._session.frames)
-
-    def __len__(self) -> int:
-        return len(self._session.frames)
 
     def reference(self, family: Family, frame_done: Callable[[], None]) -> Reference | None:
         """White or black; None when the session has none. Calls `frame_done` after each frame."""
@@ -91,43 +68,6 @@ class Stack:
         mean_level = float(np.mean(levels))
         spread = float(np.ptp(levels)) / 2 / max(abs(mean_level), 1e-6)
         return Reference(total / np.float32(len(frames)), spread)
-
-    def images(self, frames: Iterable[FrameRecord]) -> Iterator[tuple[FrameRecord, LinearImage]]:
-        """Decode frames in order, the next ones already while one is in use."""
-        waiting: deque[tuple[FrameRecord, Future[LinearImage]]] = deque()
-        with ThreadPoolExecutor(DECODERS, thread_name_prefix="decode") as decoders:
-            for frame in frames:
-                waiting.append((frame, decoders.submit(self._decode, frame)))
-                if len(waiting) > DECODERS:
-                    yield self._note(*waiting.popleft())
-            while waiting:
-                yield self._note(*waiting.popleft())
-
-    def _decode(self, frame: FrameRecord) -> LinearImage:
-        data = self._session.read(frame)
-        try:
-            if self._is_picture(frame):
-                return decode_picture(data, "srgb" if self._transfer is Transfer.SRGB else "linear")
-            return decode_raw(data, self._demosaic)
-        except DecodeError as error:
-            raise StackError(f"{self._session.folder / frame.file}: {error}") from error
-
-    def _is_picture(self, frame: FrameRecord) -> bool:
-        return self._transfer is not Transfer.RAW and frame.media_type in PICTURE_TYPES
-
-    def _note(
-        self, frame: FrameRecord, decoding: Future[LinearImage]
-    ) -> tuple[FrameRecord, LinearImage]:
-        image = decoding.result()
-        if self.saturated is None:
-            self.saturated = np.zeros_like(image.saturated)
-        if image.saturated.shape != self.saturated.shape:
-            raise StackError(
-                f"{self._session.folder / frame.file} is {image.saturated.shape}, the frames "
-                f"before it {self.saturated.shape} (height, width): they cannot be compared."
-            )
-        self.saturated |= image.saturated
-        return frame, image
 
 
 def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:

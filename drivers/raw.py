@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import rawpy
@@ -53,13 +54,25 @@ def decode_raw(data: bytes, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> LinearI
     DecodeError
         No raw file, a damaged one, or one whose values are not counts of a Bayer mosaic.
     """
+    with _unpacked(data) as mosaic:
+        return _REDUCTIONS[demosaic](mosaic)
+
+
+def counts_in_range(data: bytes) -> float:
+    """Counts between black and white level of a Bayer raw file; errors as `decode_raw`."""
+    with _unpacked(data) as mosaic:
+        return mosaic.white - sum(mosaic.black) / len(mosaic.black)
+
+
+@contextmanager
+def _unpacked(data: bytes) -> Iterator[Mosaic]:
     _refuse_other_formats(data)
     try:
         with rawpy.RawPy() as raw:
             raw.open_buffer(io.BytesIO(data))
             _check_size(raw.sizes)
             raw.unpack()
-            return _REDUCTIONS[demosaic](_mosaic(raw))
+            yield _mosaic(raw)
     except rawpy.LibRawFileUnsupportedError:
         raise DecodeError(
             "LibRaw knows no camera that writes such a file: it is not a raw, or cut short; "

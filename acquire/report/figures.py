@@ -77,7 +77,7 @@ def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
     pitches = [pitch for pitch in mixing.pitch_px if pitch is not None]
     infinity = _place_of_infinity(pitches)
     x = np.array([infinity if pitch is None else pitch for pitch in mixing.pitch_px], float)
-    with _drawn(5.7, 4.4) as (figure, axes):
+    with drawn(5.7, 4.4) as (figure, axes):
         axes.axhline(0, color=FAINT, linewidth=0.8)
         for dash, family in zip(DASHES * len(families), families, strict=False):
             rows = [k for k, kind in enumerate(mixing.families) if kind in {family, "white"}]
@@ -92,7 +92,7 @@ def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
         _label_pitches(axes, pitches, infinity)
         axes.set_ylabel("α, share of the component in the direct image")
         figure.legend(loc="outside upper left", ncols=3, handlelength=1.8, columnspacing=1.6)
-    return Drawing(_svg(figure), _mixing_in_words(mixing, alpha, names))
+    return Drawing(svg(figure), _mixing_in_words(mixing, alpha, names))
 
 
 def _is_wide(pitches: Sequence[int]) -> bool:
@@ -187,7 +187,7 @@ def frames_drawing(pitches: Sequence[PitchRecord]) -> Drawing | None:
             axes.legend(loc="lower right")
     unresolved = sum(not pitch.resolved for pitch in judged)
     return Drawing(
-        _svg(figure),
+        svg(figure),
         f"Direct fraction of the most direct pixels against pitch; {unresolved} of {len(judged)} "
         f"pitches are not resolved. Complements miss white by {worst:.1%} at most.",
     )
@@ -208,7 +208,7 @@ def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -
     number = np.arange(1, len(shares) + 1)
     heights = np.maximum(np.array(shares, dtype=float), 1e-16)
     floor = min([float(heights.min()), *([noise_share] if noise_share else [])]) / 3
-    with _drawn(5.0, 2.5) as (figure, axes):
+    with drawn(5.0, 2.5) as (figure, axes):
         axes.vlines(number, floor, heights, color="#cfd3d7", linewidth=1.2)
         axes.plot(number[:kept], heights[:kept], "o", c=INK, ms=5)
         axes.plot(number[kept:], heights[kept:], "o", c=FAINT, ms=5, mfc="white")
@@ -230,12 +230,12 @@ def pca_drawing(shares: Sequence[float], kept: int, noise_share: float | None) -
                 bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
             )  # fmt: skip
     listed = ", ".join(f"{share:.2g}" for share in shares[: kept + 1])
-    return Drawing(_svg(figure), f"PCA shares, largest first: {listed}; {kept} were kept.")
+    return Drawing(svg(figure), f"PCA shares, largest first: {listed}; {kept} were kept.")
 
 
 def convergence_drawing(cost: Sequence[float]) -> Drawing:
     """Cost of the separation against the number of iterations."""
-    with _drawn(5.0, 2.5) as (figure, axes):
+    with drawn(5.0, 2.5) as (figure, axes):
         axes.plot(range(len(cost)), cost, "o-", c=INK, ms=4, lw=1.6)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
         axes.yaxis.set_major_locator(MaxNLocator(nbins=5))
@@ -244,17 +244,18 @@ def convergence_drawing(cost: Sequence[float]) -> Drawing:
         axes.set_xlabel("iteration")
         axes.set_ylabel("cost")
     alt = f"The cost went from {cost[0]:.5g} to {cost[-1]:.5g} in {len(cost) - 1} iterations."
-    return Drawing(_svg(figure), alt)
+    return Drawing(svg(figure), alt)
 
 
 @contextmanager
-def _drawn(width_in: float, height_in: float) -> Iterator[tuple[Figure, Axes]]:
+def drawn(width_in: float, height_in: float) -> Iterator[tuple[Figure, Axes]]:
+    """An empty drawing in the page's style."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         yield figure, figure.add_subplot()
 
 
-def _svg(figure: Figure) -> bytes:
+def svg(figure: Figure) -> bytes:
     """Render the same bytes for the same numbers, the text in the fonts of the page."""
     file = io.BytesIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
