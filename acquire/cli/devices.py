@@ -111,8 +111,11 @@ def camera_simulate(
     ] = None,
 ) -> None:
     """Be a Nikon D4S-like camera on the network, until Ctrl-C."""
-    typer.echo(f"a simulated camera listens at {ptpip}; Ctrl-C ends it", err=True)
-    hardware.simulate_camera(ptpip, misbehave or [])
+
+    def say(host: str, port: int) -> None:
+        typer.echo(f"a simulated camera listens at {host}:{port}; Ctrl-C ends it", err=True)
+
+    hardware.simulate_camera(ptpip, misbehave or [], say)
 
 
 def _seconds(text: str) -> float:

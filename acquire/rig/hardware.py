@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from acquire.errors import BenchError
 from drivers.clock import SystemClock
@@ -53,8 +53,13 @@ def shoot(address: str | None, settings: CameraSettings) -> tuple[RawFrame, tupl
         return camera.capture(settings), warnings
 
 
-def simulate_camera(endpoint: str, misbehaviours: Sequence[str]) -> None:
-    """Serve a simulated D4S-like camera over PTP/IP at HOST:PORT until interrupted."""
+def simulate_camera(
+    endpoint: str, misbehaviours: Sequence[str], listening: Callable[[str, int], None]
+) -> None:
+    """Serve a simulated D4S-like camera over PTP/IP at HOST:PORT until interrupted.
+
+    `listening` is called with host and port once hosts can connect.
+    """
     from drivers.sim.ptp_responder.darkroom import Darkroom
     from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
     from drivers.sim.ptp_responder.responder import Responder
@@ -69,4 +74,4 @@ def simulate_camera(endpoint: str, misbehaviours: Sequence[str]) -> None:
     except ValueError as error:
         raise BenchError(f"--misbehave: {error}.") from error
     camera = Responder(simulated_scene(), misbehaviours=script, developer=Darkroom())
-    serve_ptpip(camera, host or LOOPBACK, int(port))
+    serve_ptpip(camera, host or LOOPBACK, int(port), listening)

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +17,19 @@ from drivers.raw import decode_raw
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.scenery import simulated_scene
 from drivers.sim.ptp_responder.server import PtpIpServer
+
+
+def test_a_simulated_camera_says_where_it_listens_once_it_does() -> None:
+    words = [sys.executable, "-m", "acquire", "camera", "simulate", "--ptpip", "127.0.0.1:0"]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            found = re.search(r"127\.0\.0\.1:(\d+)", process.stderr.readline())
+            assert found is not None
+            with socket.create_connection(("127.0.0.1", int(found[1])), timeout=1):
+                pass
+        finally:
+            process.terminate()
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import selectors
 import socket
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 
@@ -230,7 +231,12 @@ class PtpIpServer:
         self._listeners.clear()
 
 
-def serve_ptpip(responder: Responder, host: str = LOOPBACK, port: int = PORT) -> None:
+def serve_ptpip(
+    responder: Responder,
+    host: str = LOOPBACK,
+    port: int = PORT,
+    listening: Callable[[str, int], None] = lambda _host, _port: None,
+) -> None:
     """Serve a simulated camera over PTP/IP until it is unplugged or the program interrupted.
 
     Parameters
@@ -238,11 +244,16 @@ def serve_ptpip(responder: Responder, host: str = LOOPBACK, port: int = PORT) ->
     responder
         The camera.
     host, port
-        Where it listens: only this computer unless another address is given.
+        Where it listens: only this computer unless another address is given; port 0 takes a
+        free one.
+    listening
+        Called with host and port once hosts can connect.
     """
     # libgphoto2 up to 2.5.30 calls for events at 15740 when it is told another port, unless it is
     # told both as PORT:PORT.
-    PtpIpServer(responder, host, port, None if port in {0, PORT} else PORT).serve()
+    server = PtpIpServer(responder, host, port, None if port in {0, PORT} else PORT)
+    listening(*server.address)
+    server.serve()
 
 
 def _listen(host: str, port: int) -> socket.socket:

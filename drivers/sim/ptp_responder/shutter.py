@@ -20,6 +20,7 @@ from drivers.sim.ptp_responder.store import Store
 WRITING_S = 0.05
 MAX_EVENTS = 64  # that the body remembers for a host that does not ask
 
+_IN_SDRAM = NikonEvent.OBJECT_ADDED_IN_SDRAM
 _UNKNOWN_EVENT = Event(0xC1FF, (0,))
 
 
@@ -52,6 +53,7 @@ class _Shot:
     order: Order
     ends_s: float
     files: tuple[tuple[bytes, str], ...]
+    is_first: bool = True
 
 
 class Shutter:
@@ -86,8 +88,8 @@ class Shutter:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an exposure is under way."""
-        return self._shot is not None
+        """Whether an exposure is under way or its first file not yet written."""
+        return self._shot is not None and self._shot.is_first
 
     def focus(self) -> None:
         """Drive the autofocus."""
@@ -117,14 +119,22 @@ class Shutter:
         shot = self._shot
         if shot is None or self._clock.now() < shot.ends_s:
             return
-        self._shot = None
+        if not shot.is_first and any(e.code == _IN_SDRAM for e in self.listed):
+            return
+        order = shot.order
+        # Nikon's bodies tell of a pair in their memory one file after the other: gphoto2, which
+        # takes the last object only of a list that tells of two, is seen to fetch both from them
+        # (pibooth issue 53 on GitHub).
+        written = 1 if order.to_sdram else len(shot.files)
+        now, later = shot.files[:written], shot.files[written:]
+        self._shot = _Shot(order, shot.ends_s + WRITING_S, later, is_first=False) if later else None
         taken_at = datetime.fromtimestamp(shot.ends_s, UTC).strftime("%Y%m%dT%H%M%S")
-        added = NikonEvent.OBJECT_ADDED_IN_SDRAM if shot.order.to_sdram else EventCode.OBJECT_ADDED
+        added = _IN_SDRAM if order.to_sdram else EventCode.OBJECT_ADDED
         objects = [
-            Event(added, (self._store.add(data, kind, taken_at, shot.order.to_sdram),))
-            for data, kind in shot.files
+            Event(added, (self._store.add(data, kind, taken_at, order.to_sdram),))
+            for data, kind in now
         ]
-        self.tell(_events(objects, shot.order), shot.order.is_pushed)
+        self.tell(_events(objects, order, is_first=shot.is_first), order.is_pushed)
 
     def tell(self, events: list[Event], is_pushed: bool) -> None:
         """Send events or keep them for the host to ask; the oldest are forgotten."""
@@ -139,7 +149,7 @@ class Shutter:
         self.pushed.clear()
 
     def _check(self, order: Order) -> None:
-        if self.is_busy or self._store.holds_sdram_image:
+        if self._shot is not None or self._store.holds_sdram_image:
             raise RefusalError(ResponseCode.DEVICE_BUSY)
         if self._properties.is_bulb:
             raise RefusalError(ResponseCode.NIKON_SHUTTER_SPEED_BULB)
@@ -159,13 +169,13 @@ class Shutter:
         return (raw, jpeg) if quality > RAW else (jpeg,)
 
 
-def _events(objects: list[Event], order: Order) -> list[Event]:
-    """What the host is told of a shot, with what goes wrong about it."""
+def _events(objects: list[Event], order: Order, *, is_first: bool) -> list[Event]:
+    """What the host is told of a shot, with what goes wrong about it; it is complete but once."""
     completion = [
         Event(NikonEvent.CAPTURE_COMPLETE_REC_IN_SDRAM, (0,))
         if order.to_sdram
         else Event(EventCode.CAPTURE_COMPLETE, (0,))
-    ]
+    ] * is_first
     tell: dict[Name, Callable[[], list[Event]]] = {
         Name.LOST_EVENTS: list,
         Name.LOST_OBJECT_EVENT: lambda: completion,

@@ -12,6 +12,7 @@ from drivers.ptp.discovery import open_camera
 from drivers.sim.clock import SimulatedClock
 from drivers.sim.dng import encode_dng
 from drivers.sim.ptp_responder.body import Body
+from drivers.sim.ptp_responder.darkroom import Darkroom
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
 from tests.drivers.ptp.usb_backend import Bus, ResponderPipe
@@ -59,6 +60,7 @@ def bench(
         [Misbehaviour.parse(text) for text in misbehaviours],
         clock,
         card_images,
+        developer=Darkroom(),
     )
     pipe = ResponderPipe(responder, clock, packet_bytes, splits_headers)
     return Bench(clock, responder, pipe, Bus(pipe))

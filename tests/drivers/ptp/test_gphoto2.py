@@ -139,6 +139,16 @@ def test_capture_of_a_pair_keep_and_list(gphoto2: Gphoto2, tmp_path: Path) -> No
     assert "DSC_" not in gphoto2("--list-files")
 
 
+def test_capture_of_a_pair_to_memory(gphoto2: Gphoto2, tmp_path: Path, source: ImageSource) -> None:
+    gphoto2("--set-config", "imagequality=6", "--capture-image-and-download")
+    taken = decode_raw((tmp_path / "capt0000.nef").read_bytes())
+    expected = scene(source, CameraSettings(0.1, 8.0, 200))
+    np.testing.assert_array_equal(taken.values, expected.values)
+    picture = cv2.imread(str(tmp_path / "capt0001.jpg"))
+    assert picture is not None
+    assert picture.shape == (24, 32, 3)
+
+
 def test_capture_preview(gphoto2: Gphoto2, tmp_path: Path) -> None:
     gphoto2("--capture-preview")
     picture = cv2.imread(str(tmp_path / "capture_preview.jpg"))
