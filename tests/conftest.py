@@ -5,3 +5,18 @@ import pytest
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--expect-bench", help="bench file of the devices that must be there")
+
+
+# What takes longest, longest first: begun last, one of them keeps a single worker busy at the end.
+LONG = (
+    "tests/guest/test_usb_stack.py",
+    "tests/acquire/test_interrupted_capture.py",
+    "tests/screens/test_lab_session.py",
+    "tests/processing/test_ranges.py",
+    "tests/acquire/test_pipeline.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    ranks = {file: rank for rank, file in enumerate(LONG)}
+    items.sort(key=lambda item: ranks.get(item.nodeid.partition("::")[0], len(LONG)))

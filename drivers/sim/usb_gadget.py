@@ -70,6 +70,11 @@ class UsbGadget:
         """Connect to the machine's first controller."""
         self._controller_file.write_text(functionfs.controller())
 
+    @property
+    def is_plugged_in(self) -> bool:
+        """Whether the cable is in; the program may have pulled it, or the camera's script."""
+        return bool(self._controller_file.read_text().strip())
+
     def unplug(self) -> None:
         """Disconnect, as pulling the cable does; the camera forgets its session."""
         with suppress(OSError):

@@ -15,7 +15,9 @@ import pytest
 
 from acquire.session import Session
 from acquire.session.verification import problems
+from tests import processes
 from tests.acquire.captures import recorded_bytes
+from tests.processes import PATIENCE_S, finish, lines, wait_for_lines
 
 PLAN = f"[pattern]\npitch_px = {list(range(8, 48, 5))}\n[references]\nevery_frames = 50\n"
 BENCH = """kind = "sim"
@@ -28,7 +30,6 @@ late = 0.05
 swapped = 0.05
 timeouts = 0.05
 """
-PATIENCE_S = 120
 
 
 @pytest.fixture
@@ -39,31 +40,8 @@ def bench(tmp_path: Path) -> Path:
 
 
 def start(bench: Path, session: Path) -> subprocess.Popen[str]:
-    command = ["capture", str(bench / "plan.toml"), "--out", str(session)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "acquire", *command, "--bench", str(bench / "bench.toml")],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
-def lines(session: Path) -> int:
-    path = session / "frames.jsonl"
-    return path.read_bytes().count(b"\n") if path.exists() else 0
-
-
-def wait_for_lines(process: subprocess.Popen[str], session: Path, wanted: int) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while lines(session) < wanted and process.poll() is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
-
-
-def finish(process: subprocess.Popen[str]) -> str:
-    output, _ = process.communicate(timeout=PATIENCE_S)
-    return output
+    words = ["capture", str(bench / "plan.toml"), "--out", str(session)]
+    return processes.start(*words, "--bench", str(bench / "bench.toml"))
 
 
 def test_killed_again_and_again_every_file_is_as_if_never_killed(bench: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,10 +18,11 @@ from drivers.sim.devices import SimulatedBench, SimulationConfig, build
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
+from tests import processes
+from tests.processes import finish, lines, wait_for_lines
 from tests.screens.desk import PROJECTOR, Desk
 
 PLAN = "[pattern]\npitch_px = [16, 24]\nshifts = [2, 2]\n[projector]\nsettle_s = 0.05\n"
-PATIENCE_S = 120
 
 
 @pytest.fixture
@@ -50,25 +50,7 @@ def start(desk: Desk, folder: Path, port: int) -> subprocess.Popen[str]:
         f'[camera]\naddress = "ptpip:127.0.0.1:{port}"\n'
     )
     words = ["capture", str(folder / "plan.toml"), "--bench", str(folder / "bench.toml")]
-    return subprocess.Popen(
-        [sys.executable, "-m", "acquire", *words, "--out", str(folder / "s")],
-        env=desk.environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
-def lines(folder: Path) -> int:
-    path = folder / "s" / "frames.jsonl"
-    return path.read_bytes().count(b"\n") if path.exists() else 0
-
-
-def wait_for_lines(process: subprocess.Popen[str], folder: Path, wanted: int) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while lines(folder) < wanted and process.poll() is None:
-        assert time.monotonic() < deadline_s
-        time.sleep(0.005)
+    return processes.start(*words, "--out", str(folder / "s"), environment=desk.environment)
 
 
 @pytest.fixture
@@ -93,7 +75,7 @@ def test_every_frame_shows_its_pattern(
     desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
 ) -> None:
     process = start(desk, tmp_path, camera.address[1])
-    output, _ = process.communicate(timeout=PATIENCE_S)
+    output = finish(process)
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
     assert not desk.photograph().any()
@@ -103,18 +85,18 @@ def test_an_unplugged_projector_stops_cleanly_and_is_gone_on_with(
     desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
 ) -> None:
     process = start(desk, tmp_path, camera.address[1])
-    wait_for_lines(process, tmp_path, 3)
+    wait_for_lines(process, tmp_path / "s", 3)
     desk.run("xrandr", "--output", PROJECTOR, "--off")
-    output, _ = process.communicate(timeout=PATIENCE_S)
+    output = finish(process)
     assert process.returncode == 1
     assert PROJECTOR in output
     assert "Traceback" not in output
     assert not desk.photograph().any()
-    kept = lines(tmp_path)
+    kept = lines(tmp_path / "s")
     assert 3 <= kept < 10
     desk.arrange()
     process = start(desk, tmp_path, camera.address[1])
-    output, _ = process.communicate(timeout=PATIENCE_S)
+    output = finish(process)
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
@@ -139,14 +121,14 @@ def test_a_camera_that_fails_loses_no_frame(
     with PtpIpServer(Responder(seen, misbehaviours=[Misbehaviour.parse(misbehaviour)])) as camera:
         port = camera.address[1]
         process = start(desk, tmp_path, port)
-        output, _ = process.communicate(timeout=PATIENCE_S)
+        output = finish(process)
     assert "Traceback" not in output
     assert (process.returncode == 0) is survives, output
     if not survives:
-        assert lines(tmp_path) == 3
+        assert lines(tmp_path / "s") == 3
         with PtpIpServer(Responder(seen), port=port):
             process = start(desk, tmp_path, port)
-            output, _ = process.communicate(timeout=PATIENCE_S)
+            output = finish(process)
         assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
@@ -155,13 +137,13 @@ def test_a_killed_capture_leaves_no_light_and_is_gone_on_with(
     desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
 ) -> None:
     process = start(desk, tmp_path, camera.address[1])
-    wait_for_lines(process, tmp_path, 4)
+    wait_for_lines(process, tmp_path / "s", 4)
     process.kill()
-    process.communicate(timeout=PATIENCE_S)
+    finish(process)
     deadline_s = time.monotonic() + 2
     while desk.photograph().any():
         assert time.monotonic() < deadline_s
     process = start(desk, tmp_path, camera.address[1])
-    output, _ = process.communicate(timeout=PATIENCE_S)
+    output = finish(process)
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
