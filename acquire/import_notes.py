@@ -47,7 +47,7 @@ def _reading_notes(transfer: Transfer, media_type: str, dtype: str) -> Iterator[
             "JPEG compression changed the values and hides noise; pixels from code "
             f"{JPEG_WHITE} of 255 count as saturated"
         )
-    if bits == "floating-point":
+    if bits == "floating-point" and transfer is not Transfer.RAW:
         yield "floating-point pictures have no white level: saturated pixels cannot be told"
     elif media_type in PICTURE_TYPES and media_type != "image/jpeg":
         yield (

@@ -135,6 +135,7 @@ def test_kinds_of_files_and_how_their_numbers_are_read(
     assert session.record.source.transfer is transfer
     assert note in notes_of(session)
     assert ("sRGB curve" in notes_of(session)) == (transfer is Transfer.SRGB)
+    assert ("no white level" in notes_of(session)) == (data == KINDS["tiff-float"][0])
     assert session.read(session.frames[0]) == data
 
 
