@@ -34,6 +34,7 @@ class SimSection(StrictModel):
     dropped: Probability = 0.0
     swapped: Probability = 0.0
     timeouts: Probability = 0.0
+    torn: Probability = 0.0
     full_well_e: float | None = Field(default=None, ge=10, le=1e9)
     read_noise_e: float = Field(default=0.0, ge=0, le=1e6)
     drift: float = Field(default=0.0, gt=-1, le=10)

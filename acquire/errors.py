@@ -5,6 +5,7 @@ LumisplitError
 ├── SessionError    the session folder is damaged, foreign or does not fit
 │   └── StorageError    the disk did not take a frame
 ├── BenchError      the bench is unknown, misdescribed or does not fit the plan
+├── ProofError      frames do not show what they should
 ├── StackError      the frames cannot be measured together
 ├── ResultError     the result folder or truth file cannot be used
 └── ProfileError    a calibration cannot be had, read, or used here
@@ -31,6 +32,10 @@ class StorageError(SessionError):
 
 class BenchError(LumisplitError):
     """The bench is unknown, misdescribed or does not fit the plan."""
+
+
+class ProofError(LumisplitError):
+    """Frames do not show what they should, however often they are taken."""
 
 
 class StackError(LumisplitError):

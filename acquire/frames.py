@@ -56,14 +56,12 @@ class Frames:
     def _decode(self, frame: FrameRecord) -> LinearImage:
         data = self._session.read(frame)
         try:
-            if self._is_picture(frame):
-                return decode_picture(data, "srgb" if self._transfer is Transfer.SRGB else "linear")
-            return decode_raw(data, self._demosaic)
+            return decode_frame(data, frame.media_type, self._transfer, self._demosaic)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
 
     def _is_picture(self, frame: FrameRecord) -> bool:
-        return self._transfer is not Transfer.RAW and frame.media_type in PICTURE_TYPES
+        return _is_picture(frame.media_type, self._transfer)
 
     def _note(
         self, frame: FrameRecord, decoding: Future[LinearImage]
@@ -78,3 +76,19 @@ class Frames:
             )
         self.saturated |= image.saturated
         return frame, image
+
+
+def decode_frame(
+    data: bytes,
+    media_type: str,
+    transfer: Transfer,
+    demosaic: Demosaic = Demosaic.SUPERPIXEL,
+) -> LinearImage:
+    """Linear light of a frame's file; raises `drivers.errors.DecodeError`."""
+    if _is_picture(media_type, transfer):
+        return decode_picture(data, "srgb" if transfer is Transfer.SRGB else "linear")
+    return decode_raw(data, demosaic)
+
+
+def _is_picture(media_type: str, transfer: Transfer) -> bool:
+    return transfer is not Transfer.RAW and media_type in PICTURE_TYPES

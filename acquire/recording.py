@@ -30,6 +30,8 @@ def record(
     observer: Observer,
     stop: threading.Event,
     pause: Pause | None = None,
+    *,
+    keep_unproven: bool = False,
 ) -> tuple[Session, Outcome]:
     """Capture a plan into a folder; goes on where an interrupted capture stopped.
 
@@ -47,13 +49,13 @@ def record(
         session = _session(plan, bench, folder)
         session.recover()
         missing = len(plan) - len(session.frames)
-        if missing == 0:
+        if missing == 0 and session.record.runs and session.record.runs[-1].outcome == "complete":
             return session, Outcome.COMPLETE
         check_room(folder, missing * bench.frame_bytes + ROOM_KEPT_BYTES)
         _write_truth(plan, bench, folder)
-        last_file = session.read(session.frames[-1]) if session.frames else None
-        with bench.open(Resumption(plan, session.frames, last_file)) as devices:
-            outcome = capture(session, devices, observer, stop, pause)
+        last_file = session.read(session.lines[-1]) if session.lines else None
+        with bench.open(Resumption(plan, session.lines, last_file)) as devices:
+            outcome = capture(session, devices, observer, stop, pause, keep_unproven=keep_unproven)
     return session, outcome
 
 

@@ -1,7 +1,9 @@
 """The capture loop: show, settle, expose, keep, next.
 
 The next pattern goes up while the last frame is written, but no exposure starts before the last
-frame is on the disk: whatever happens, at most the frame in flight is lost.
+frame is on the disk: whatever happens, at most the frame in flight is lost. When the last frame of
+a pitch is there, all of them are judged and those that do not show their pattern are taken again
+(`acquire.proof`) before the next pitch begins.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import hashlib
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
 
@@ -17,6 +20,7 @@ import numpy as np
 
 from acquire.errors import BenchError, StorageError
 from acquire.pause import Pause
+from acquire.proof import Prover, Unit
 from acquire.session import FrameRecord, Session
 from drivers.errors import CameraTimeoutError
 from drivers.media import PICTURE_TYPES
@@ -53,6 +57,8 @@ def capture(
     observer: Observer,
     stop: threading.Event,
     pause: Pause | None = None,
+    *,
+    keep_unproven: bool = False,
 ) -> Outcome:
     """Capture what the session's plan still lacks.
 
@@ -68,9 +74,13 @@ def capture(
         When set, the frame in flight is finished and kept, then the capture ends.
     pause
         While asked for, no frame is taken and the projector is black.
+    keep_unproven
+        Go on, and note it, where a frame does not show its pattern however often it is taken.
 
     Raises
     ------
+    ProofError
+        A frame does not show its pattern, however often it is taken.
     DriverError
         A device failed; every finished exposure is kept first.
     StorageError
@@ -80,7 +90,8 @@ def capture(
         observer.warning(f"camera: {warning}")
     session.begin_run(devices.clock.now())
     try:
-        outcome = _Capture(session, devices, observer, stop, pause or Pause()).run()
+        with Prover(session, observer.warning, keep_unproven=keep_unproven) as prover:
+            outcome = _Capture(session, devices, observer, stop, pause or Pause(), prover).run()
     except BaseException as error:
         reason = str(error) or type(error).__name__
         with suppress(StorageError):
@@ -98,21 +109,24 @@ class _Capture:
         observer: Observer,
         stop: threading.Event,
         pause: Pause,
+        prover: Prover,
     ) -> None:
         self.session, self.devices, self.observer = session, devices, observer
-        self.stop, self.pause = stop, pause
+        self.stop, self.pause, self.prover = stop, pause, prover
         self.plan = session.plan
+        self.shown = session.lines[-1].step if session.lines else None
 
     def run(self) -> Outcome:
-        remaining = range(len(self.session.frames), len(self.plan))
         with ThreadPoolExecutor(1, thread_name_prefix="disk") as disk:
+            for unit in self.prover.resume():
+                self._prove(unit)
             writing: Future[Step] | None = None
             try:
-                for index in remaining:
+                for index in range(len(self.session.frames), len(self.plan)):
                     if self.pause.is_asked:
                         self._finish(writing)
                         writing = None
-                        self._rest(index)
+                        self._rest()
                     if self.stop.is_set():
                         break
                     step = self.plan.step(index)
@@ -124,24 +138,44 @@ class _Capture:
                     frame = self._expose(step)
                     self.devices.projector.check()
                     writing = disk.submit(self._keep, step, digest, frame)
+                    for unit in self.prover.closing_at(index):
+                        self._finish(writing)
+                        writing = None
+                        self._prove(unit)
             finally:
                 self._finish(writing)
-        return Outcome.COMPLETE if self.session.complete else Outcome.STOPPED
+        whole = self.session.complete and self.prover.is_done
+        return Outcome.COMPLETE if whole else Outcome.STOPPED
 
-    def _rest(self, index: int) -> None:
+    def _prove(self, unit: Unit) -> None:
+        """Judge a unit and take again what does not show its pattern, until all do."""
+        while not self.stop.is_set():
+            retake = self.prover.next_retake(unit)
+            if retake is None:
+                return
+            index, why = retake
+            self.observer.warning(why)
+            step = self.plan.step(index)
+            digest = self._show(step)
+            frame = self._expose(step)
+            self.devices.projector.check()
+            self._keep(step, digest, frame)
+
+    def _rest(self) -> None:
         """Wait in the dark; then show again what was shown, so that the run goes on unchanged."""
         black = np.zeros(self.devices.projector.resolution, np.uint8)
         self.devices.projector.show(black)
         with self.pause.resting():
             while not self.stop.is_set() and not self.pause.wait(LOOK_S):
                 self.devices.projector.check()
-        if index and not self.stop.is_set():
-            self._show(self.plan.step(index - 1))
+        if self.shown is not None and not self.stop.is_set():
+            self._show(self.plan.step(self.shown))
 
     def _show(self, step: Step) -> str:
         projector = self.devices.projector
         raster = self.plan.projector.raster(step.pattern, projector.resolution)
         projector.show(raster)
+        self.shown = step.index
         return raster_digest(raster)
 
     def _expose(self, step: Step) -> RawFrame:
@@ -159,13 +193,18 @@ class _Capture:
             else:
                 _check_settings(step, frame.settings)
                 _check_kind(step, frame)
+                if frame.monotonic_s is None:
+                    frame = replace(frame, monotonic_s=self.devices.clock.monotonic())
                 return frame
         raise AssertionError
 
     def _keep(self, step: Step, digest: str, frame: RawFrame) -> Step:
         sha256 = hashlib.sha256(frame.data).hexdigest()
-        record = FrameRecord.of(step.index, step.pattern, digest, frame, sha256)
+        known = step.index < len(self.session.frames)
+        attempt = self.session.frames[step.index].attempt + 1 if known else 0
+        record = FrameRecord.of(step.index, attempt, step.pattern, digest, frame, sha256)
         self.session.store(record, frame.data)
+        self.prover.take(len(self.session.lines) - 1, record, frame.data)
         return step
 
     def _finish(self, writing: Future[Step] | None) -> None:

@@ -45,6 +45,8 @@ class RawFrame:
         The settings that the camera reports for this exposure.
     started_s, finished_s
         Start of the exposure and end of the delivery, seconds of the bench's clock.
+    monotonic_s
+        End of the delivery by a clock that nobody can set; None where the camera has none.
     """
 
     data: bytes
@@ -52,6 +54,7 @@ class RawFrame:
     settings: CameraSettings
     started_s: float
     finished_s: float
+    monotonic_s: float | None = None
 
 
 class Projector(Protocol):
@@ -116,6 +119,9 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Seconds since 1970-01-01 UTC."""
+
+    def monotonic(self) -> float:
+        """Seconds that never jump, whoever sets the clock; 0 at any moment."""
 
     def sleep(self, duration_s: float) -> None:
         """Let `duration_s` ≥ 0 seconds go by."""

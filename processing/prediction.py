@@ -141,7 +141,8 @@ def pair_noise(frames: Samples, covariance: Array) -> float | None:
     if len(sums) < 3:
         return None
     stack = np.stack(sums)
-    stack *= (np.median(stack.mean(axis=1)) / stack.mean(axis=1))[:, np.newaxis]
+    levels = stack.mean(axis=1)
+    stack *= (np.median(levels) / np.maximum(levels, 1e-9))[:, np.newaxis]
     typical = np.median(stack, axis=0)
     # The median of n values has π/(2n) of the variance of one (less so for few: on the safe side).
     own = 1 - 1 / len(sums)

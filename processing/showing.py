@@ -36,8 +36,12 @@ LEAST_DIFFERENCE = 16.0
 # A block's pictures must differ by this part of its contrast: errors of the prediction grow with
 # the contrast, not with the difference.
 LEAST_PART = 0.08
-# Level of a frame or block relative to its prediction below which it counts as not lit.
+# Level of a block relative to its prediction below which it counts as not lit.
 BLANK_AT = 0.35
+# Level of a frame relative to the mean of white and black below which it shows no light, and that
+# its prediction has at least if it should show some.
+DARK_AT = 0.1
+DUE_AT_LEAST = 0.3
 # Change from the picture before, in parts of what such changes are at the least changing fifth of
 # the frames, below which the frame shows that picture.
 SAME_AT = 0.15
@@ -52,13 +56,18 @@ LEAST_NOISE = 1e-10
 
 
 class Finding(StrEnum):
-    """What a frame is found to show."""
+    """What a frame is found to show.
+
+    ``doubtful`` frames do not agree with their complement, which looks wrong itself; ``unseen``
+    ones have a pattern too faint or too unpredictable to be told from others.
+    """
 
     OWN = "own"
     PREVIOUS = "previous"
     BLANK = "blank"
     PARTIAL = "partial"
     OTHER = "other"
+    DOUBTFUL = "doubtful"
     UNSEEN = "unseen"
 
 
@@ -119,9 +128,11 @@ class Kind:
     frames
         float32, (frames, n), linear light.
     before
-        float32, (frames, n): the picture that was taken before each of them; NaN where none was.
+        float32, (frames, n): the picture that was taken before each of them; NaN where none was
+        or where it was wrong.
     before_index
-        int, (frames,): which of `frames` that is; −1 where it is none of them.
+        int, (frames,): which of `frames` has the pattern that was shown before; −1 where none
+        has.
     covariance
         (frames, frames), of the codes (see `processing.prediction`).
     change
@@ -162,7 +173,7 @@ def judge(kind: Kind) -> tuple[Judgement, ...]:
     accused: dict[int, Judgement] = {}
     while True:
         found = list(_hearing(kind, trusted, noise))
-        suspects = [k for k in np.flatnonzero(trusted) if found[k].is_wrong]
+        suspects = [int(k) for k in np.flatnonzero(trusted) if found[k].is_wrong]
         if not suspects:
             for k, judgement in accused.items():
                 if found[k].certainty < judgement.certainty:
@@ -170,10 +181,10 @@ def judge(kind: Kind) -> tuple[Judgement, ...]:
             return tuple(found)
         most = max(found[k].certainty for k in suspects)
         worst = [k for k in suspects if found[k].certainty == most]
-        residual = [one.residual for one in found]
-        if most < Certainty.WHOLE and len(worst) > 1:
-            residual = list(_alone(kind, trusted, noise))
-        first = max(worst, key=lambda k: residual[k])
+        first = worst[0]
+        if len(worst) > 1:
+            alone = _alone(kind, trusted, noise)
+            first = max(worst, key=lambda k: float(alone[k]))
         trusted[first] = False
         other = partner.get(first)
         if most < Certainty.WHOLE:
@@ -181,13 +192,13 @@ def judge(kind: Kind) -> tuple[Judgement, ...]:
             if other is not None and trusted[other]:
                 trusted[other] = False
                 accused[other] = replace(
-                    found[other], finding=Finding.OTHER, certainty=Certainty.PARTNER
+                    found[other], finding=Finding.DOUBTFUL, certainty=Certainty.PARTNER
                 )
 
 
 def _hearing(kind: Kind, trusted: NDArray[np.bool_], noise: float) -> tuple[Judgement, ...]:
     predicted = predict(kind.frames, kind.covariance, trusted, noise, kind.mean)
-    changes = _changes(kind, predicted)
+    changes = _changes(kind, predicted, trusted)
     return tuple(_judged(kind, predicted, k, changes) for k in range(len(kind.frames)))
 
 
@@ -201,7 +212,7 @@ def _alone(kind: Kind, trusted: NDArray[np.bool_], noise: float) -> Array:
     return power
 
 
-def _changes(kind: Kind, predicted: Predictions) -> Array:
+def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> Array:
     """Change from the picture before in parts of the expected one; NaN where it is too small.
 
     The picture before is the one that was taken, or the one that its pattern should have given
@@ -213,9 +224,11 @@ def _changes(kind: Kind, predicted: Predictions) -> Array:
     due = predicted.mean + predicted.deviations - predicted.residuals
     for k in range(n_frames):
         j = kind.before_index[k]
+        if j >= 0 and not trusted[j]:
+            power[k] = np.nan
         if j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS and predicted.weights[j, k] < 0.1:
             own = predicted.noise * (1 + float(np.sum(predicted.weights[j] ** 2)))
-            power[k] = min(power[k], _distance(kind.frames[k : k + 1], due[j : j + 1])[0] - own)
+            power[k] = np.fmin(power[k], _distance(kind.frames[k : k + 1], due[j : j + 1])[0] - own)
     # Six standard deviations of the noise's mean square.
     visible = expected > 6 * 2 * predicted.noise * np.sqrt(2 / n) / SAME_AT
     changes: Array = np.where(visible, power / np.maximum(expected, 1e-30), np.nan)
@@ -238,12 +251,12 @@ def _judged(kind: Kind, predicted: Predictions, k: int, changes: Array) -> Judge
     contrast = predicted.contrast * float(kind.covariance[k, k])
     left = float(residual @ residual) / n - noise - spread
     share = left / contrast if contrast > 0 else 0.0
-    level, levels = _levels(kind, predicted, k)
+    level, due, levels = _levels(kind, predicted, k)
     usual = changes[np.isfinite(changes)]
     typical = float(np.percentile(usual, TYPICAL_PERCENTILE)) if usual.size else np.nan
     visible = contrast > LEAST_DIFFERENCE * noise / np.sqrt(n)
     finding, certainty = Finding.OWN, Certainty.NONE
-    if level < BLANK_AT:
+    if level < DARK_AT and due > DUE_AT_LEAST:
         finding, certainty = Finding.BLANK, Certainty.WHOLE
     elif changes[k] < SAME_AT * typical:
         finding, certainty = Finding.PREVIOUS, Certainty.WHOLE
@@ -258,8 +271,8 @@ def _judged(kind: Kind, predicted: Predictions, k: int, changes: Array) -> Judge
     return Judgement(finding, float(changes[k]), level, share, float(predicted.gains[k]), certainty)
 
 
-def _levels(kind: Kind, predicted: Predictions, k: int) -> tuple[float, Array]:
-    """Light of the frame over that of the mean, and of its blocks over that predicted.
+def _levels(kind: Kind, predicted: Predictions, k: int) -> tuple[float, float, Array]:
+    """Light of the frame and of its prediction over that of the mean; of its blocks over that due.
 
     Blocks in which no light is due, or whose prediction is not exact, are NaN.
     """
@@ -272,23 +285,33 @@ def _levels(kind: Kind, predicted: Predictions, k: int) -> tuple[float, Array]:
     enough &= predicted.explained[k] > EXPLAINS_BLOCKS
     levels = np.full(len(grey), np.nan)
     levels[enough] = seen[enough] / due[enough]
-    return float(seen.sum() / grey.sum()) if grey.sum() > 0 else float("nan"), levels
+    whole = float(grey.sum())
+    if whole <= 0:
+        return float("nan"), float("nan"), levels
+    return float(seen.sum()) / whole, float(due.sum()) / whole, levels
 
 
 def _shares(kind: Kind, predicted: Predictions, k: int, spread: float) -> Array:
-    """s against the picture before in every block; NaN where it cannot be told."""
+    """Matched filter against the picture before in every block; NaN where it cannot be told."""
     sizes = np.bincount(kind.blocks)
-    if np.isnan(kind.before[k]).any() or predicted.explained[k] < EXPLAINS_BLOCKS:
-        return np.full(len(sizes), np.nan)
+    nothing = np.full(len(sizes), np.nan)
+    if predicted.explained[k] < EXPLAINS_BLOCKS:
+        return nothing
+    j = int(kind.before_index[k])
+    before, own, shared = kind.before[k].astype(np.float64), predicted.noise, 0.0
+    if not np.isnan(before).any():
+        shared = predicted.noise * float(predicted.weights[k, j]) if j >= 0 else 0.0
+    elif j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS:
+        before = predicted.mean + predicted.deviations[j] - predicted.residuals[j]
+        own = predicted.noise * float(np.sum(predicted.weights[j] ** 2))
+    else:
+        return nothing
     residual = predicted.residuals[k]
     expected = predicted.deviations[k] - residual
-    way = kind.before[k] - predicted.mean - expected
-    shared = 0.0
-    if kind.before_index[k] >= 0:
-        shared = predicted.noise * float(predicted.weights[k, kind.before_index[k]])
+    way = before - predicted.mean - expected
     along = np.bincount(kind.blocks, residual * way) - sizes * (spread - shared)
     length = np.bincount(kind.blocks, way * way)
-    length -= sizes * (predicted.noise - 2 * shared + spread)
+    length = length - sizes * (own - 2 * shared + spread)
     power = np.bincount(kind.blocks, expected**2)
     least = np.maximum(LEAST_DIFFERENCE * predicted.noise * np.sqrt(sizes), LEAST_PART * power)
     shares: Array = np.where(length > least, along / np.maximum(length, 1e-30), np.nan)

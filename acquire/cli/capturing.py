@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from acquire.cli.progress import ProgressDisplay
 from acquire.errors import PlanError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text, read_plan
+from acquire.proof import FrameProof, examine, verdict
 from acquire.recording import record
 from acquire.rig import Bench, find_bench
 from acquire.sequencer import Outcome
@@ -67,11 +69,18 @@ def capture_command(
     plan_path: Annotated[Path, typer.Argument(metavar="PLAN")],
     out: Annotated[Path, typer.Option(help="Session folder; an interrupted one is gone on with.")],
     bench_name: BenchOption = "sim",
+    keep_unproven: Annotated[
+        bool,
+        typer.Option(
+            "--keep-unproven",
+            help="Go on, and note it, where a frame does not show its pattern after 3 retakes.",
+        ),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
     plan, bench = read_plan(plan_path), find_bench(bench_name)
-    run_capture(plan, bench, out, quiet=quiet)
+    run_capture(plan, bench, out, quiet=quiet, keep_unproven=keep_unproven)
 
 
 def import_command(
@@ -94,35 +103,73 @@ def import_command(
 
 
 def verify_command(
-    folder: Annotated[Path, typer.Argument(metavar="SESSION")], quiet: Quiet = False
+    folder: Annotated[Path, typer.Argument(metavar="SESSION")],
+    images: Annotated[
+        bool, typer.Option("--images", help="Judge again whether every frame shows its pattern.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Check every file and every digest of a session."""
+    """Check every file and every digest of a session, and what its frames show."""
     session = Session.open(folder)
-    found = []
+    found: list[str] = []
+    proofs: list[FrameProof] = []
     with ProgressDisplay(quiet=quiet) as progress:
-        progress.stage("verifying", len(session.frames))
+        progress.stage("verifying", len(session.lines))
         for problem in problems(session):
             if problem is not None:
                 found.append(problem)
             progress.advance()
-    for problem in found:
-        typer.echo(problem)
+        if images and not found:
+            progress.stage("judging", len(session.frames))
+            proofs = list(examine(session, progress.advance))
+    wrong = [proof for proof in proofs if proof.is_wrong]
     state = (
         "complete" if session.complete else f"{len(session.frames)} of {len(session.plan)} frames"
     )
-    typer.echo(
-        f"{folder}: {state}, " + (f"{len(found)} problem(s)" if found else "every digest is right")
-    )
-    if found:
+    if as_json:
+        typer.echo(
+            json.dumps(
+                {
+                    "session": str(folder),
+                    "complete": session.complete,
+                    "frames": len(session.frames),
+                    "problems": found,
+                    "wrong_frames": [proof.model_dump(mode="json") for proof in wrong],
+                    "figures": [proof.model_dump(mode="json") for proof in proofs],
+                    "verdict": list(verdict(session, proofs)) if images else None,
+                },
+                indent=1,
+            )
+        )
+    else:
+        for line in [*found, *(_in_words(session, proof) for proof in wrong)]:
+            typer.echo(line)
+        for line in verdict(session, proofs) if images and not found else ():
+            typer.echo(line)
+        count = len(found) + len(wrong)
+        typer.echo(f"{folder}: {state}, " + (f"{count} problem(s)" if count else _sound(images)))
+    if found or wrong:
         raise typer.Exit(1)
 
 
-def run_capture(plan: Plan, bench: Bench, out: Path, *, quiet: bool) -> Session:
+def _sound(images: bool) -> str:
+    return "every digest is right" + (", no frame shows anything wrong" if images else "")
+
+
+def _in_words(session: Session, proof: FrameProof) -> str:
+    frame = session.frames[proof.step]
+    return f"{session.folder / frame.file} (step {proof.step}, {frame.pattern}): {proof.in_words}"
+
+
+def run_capture(
+    plan: Plan, bench: Bench, out: Path, *, quiet: bool, keep_unproven: bool = False
+) -> Session:
     """Capture with progress; exits with status 130 when it was asked to stop."""
     done = len(Session.open(out).frames) if Session.exists(out) else 0
     with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
         progress.stage("capturing", len(plan), done)
-        session, outcome = record(plan, bench, out, progress, stop)
+        session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
     if outcome is Outcome.STOPPED:
         typer.echo(
             f"stopped: {len(session.frames)} of {len(plan)} frames are in {out}; "
@@ -130,7 +177,9 @@ def run_capture(plan: Plan, bench: Bench, out: Path, *, quiet: bool) -> Session:
             err=True,
         )
         raise typer.Exit(STOPPED_STATUS)
-    typer.echo(f"{len(session.frames)} frames in {out}")
+    again = len(session.lines) - len(session.frames)
+    taken = f", {again} taken again because they did not show their pattern" if again else ""
+    typer.echo(f"{len(session.frames)} frames in {out}{taken}")
     return session
 
 

@@ -26,7 +26,7 @@ class Resumption:
     plan
         The plan that is captured.
     taken
-        The frames that the session holds already, in order.
+        Every exposure that the session holds already, in order.
     last_file
         Bytes of the last of them; None at the start.
     """

@@ -29,7 +29,7 @@ def replay_bench(folder: Path) -> Bench:
         name=f"the recording {folder}",
         description={"kind": "replay", "frames_sha256": hashlib.sha256(lines).hexdigest()},
         resolution=resolution,
-        frame_bytes=max(frame.size_bytes for frame in recorded.frames),
+        frame_bytes=max(frame.size_bytes for frame in recorded.lines),
         frame_s=0.0,
         _connect=partial(_connect, recorded, resolution),
     )
@@ -40,7 +40,7 @@ def _connect(
 ) -> Devices:
     taken = [frame.raster_sha256 for frame in resumption.taken]
     queue = []
-    for frame in recorded.frames:
+    for frame in recorded.lines:
         if frame.raster_sha256 in taken:
             taken.remove(frame.raster_sha256)
         elif frame.raster_sha256 is not None:
@@ -54,5 +54,10 @@ def _recorded_frame(recorded: Session, frame: FrameRecord) -> RawFrame:
     if frame.settings is None or frame.started_s is None or frame.finished_s is None:
         raise BenchError(f"Step {frame.step} was recorded without settings or times.")
     return RawFrame(
-        recorded.read(frame), frame.media_type, frame.settings, frame.started_s, frame.finished_s
+        recorded.read(frame),
+        frame.media_type,
+        frame.settings,
+        frame.started_s,
+        frame.finished_s,
+        frame.monotonic_s,
     )

@@ -2,7 +2,8 @@
 
     plan.json       every exposure in order, written once
     session.json    what was used and when: versions, bench, host, runs
-    frames.jsonl    one line a frame, appended after its file is safely on the disk
+    frames.jsonl    one line an exposure, appended after its file is safely on the disk
+    proof.jsonl     what each frame was found to show, with figures
     frames/         the camera's bytes, never altered
     truth.npz       only with a simulated bench: the light's true parts
 

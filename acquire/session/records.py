@@ -15,7 +15,8 @@ from acquire.validation import StrictModel
 from drivers.protocols import CameraSettings, RawFrame
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-FramePath = Annotated[str, Field(pattern=r"^frames/[0-9]{6}\.[a-z0-9]{1,5}$")]
+FramePath = Annotated[str, Field(pattern=r"^frames/[0-9]{6}(-[0-9]{1,3})?\.[a-z0-9]{1,5}$")]
+MAX_ATTEMPTS = 1000
 MAX_FRAME_BYTES = 1 << 30
 
 SUFFIXES = {
@@ -51,9 +52,14 @@ class Transfer(StrEnum):
 
 
 class FrameRecord(StrictModel):
-    """One line of frames.jsonl."""
+    """One line of frames.jsonl.
+
+    A frame that was found not to show its pattern is taken again: a later line of the same step,
+    its `attempt` one higher, takes its place.
+    """
 
     step: int = Field(ge=0, lt=MAX_STEPS)
+    attempt: int = Field(default=0, ge=0, lt=MAX_ATTEMPTS)
     pattern: PatternText
     settings: Annotated[CameraSettings, AfterValidator(_finite)] | None
     raster_sha256: Sha256 | None
@@ -63,24 +69,39 @@ class FrameRecord(StrictModel):
     media_type: str = Field(pattern=r"^image/[a-z0-9.+-]{1,40}$")
     started_s: float | None
     finished_s: float | None
+    monotonic_s: float | None = None
 
     @classmethod
     def of(
-        cls, step: int, pattern: PatternText, raster_sha256: str, frame: RawFrame, sha256: str
+        cls,
+        step: int,
+        attempt: int,
+        pattern: PatternText,
+        raster_sha256: str,
+        frame: RawFrame,
+        sha256: str,
     ) -> FrameRecord:
         """The line for a frame that a camera delivered."""
         return cls(
             step=step,
+            attempt=attempt,
             pattern=pattern,
             settings=frame.settings,
             raster_sha256=raster_sha256,
-            file=frame_path(step, frame.media_type),
+            file=frame_path(step, frame.media_type, attempt),
             sha256=sha256,
             size_bytes=len(frame.data),
             media_type=frame.media_type,
             started_s=frame.started_s,
             finished_s=frame.finished_s,
+            monotonic_s=frame.monotonic_s,
         )
+
+    def to_line(self) -> bytes:
+        """The line as it is written; a first attempt does not mention that it is one."""
+        unsaid = {"attempt"} if self.attempt == 0 else set()
+        unsaid |= {"monotonic_s"} if self.monotonic_s is None else set()
+        return self.model_dump_json(exclude=unsaid).encode() + b"\n"
 
 
 class RunRecord(StrictModel):
@@ -114,9 +135,10 @@ class SessionRecord(StrictModel):
     runs: tuple[RunRecord, ...] = ()
 
 
-def frame_path(step: int, media_type: str) -> str:
+def frame_path(step: int, media_type: str, attempt: int = 0) -> str:
     """The only name that the file of a step can have, relative to the session."""
-    return f"frames/{step:06d}.{SUFFIXES.get(media_type, 'bin')}"
+    again = f"-{attempt}" if attempt else ""
+    return f"frames/{step:06d}{again}.{SUFFIXES.get(media_type, 'bin')}"
 
 
 def versions() -> dict[str, str]:

@@ -19,17 +19,20 @@ from acquire.validation import explain
 
 MAX_JSON_BYTES = 32 << 20
 MAX_LINE_BYTES = 4096
+MAX_LINES_A_STEP = 4
 MAX_SIDE = 65_536
 ModelT = TypeVar("ModelT", bound=BaseModel)
 PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
+PROOF = "proof.jsonl"
 LOCK = ".lock"
 
 
 class Session:
     """A session folder whose plan, record and lines are consistent with each other.
 
-    Line k of frames.jsonl always belongs to step k of the plan; the next step to capture is the
-    number of lines.
+    The first line of step k comes after that of step k − 1. A later line of the same step takes
+    its place: `frames` holds the line that counts for each step, in order, and the next step to
+    capture is their number; `lines` holds all of them, in the order of the exposures.
     """
 
     def __init__(self, folder: Path, plan: Plan, record: SessionRecord) -> None:
@@ -37,6 +40,7 @@ class Session:
         self.plan = plan
         self.record = record
         self.frames: list[FrameRecord] = []
+        self.lines: list[FrameRecord] = []
 
     @classmethod
     def create(cls, folder: Path, plan: Plan, record: SessionRecord) -> Session:
@@ -111,8 +115,8 @@ class Session:
         """Keep a frame: the file first, then, when that is on the disk, its line."""
         path = self.folder / record.file
         write_durably(path, data)
-        append_durably(self.folder / LINES, record.model_dump_json().encode() + b"\n")
-        self.frames.append(record)
+        append_durably(self.folder / LINES, record.to_line())
+        self._take_in(record)
 
     def begin_run(self, started_s: float) -> None:
         """Note that a capture starts here and goes on from the lines that are there."""
@@ -141,7 +145,9 @@ class Session:
 
     def complete_lines(self) -> list[bytes]:
         """Lines of frames.jsonl that end as lines do; a crash can leave one that does not."""
-        content = read_plain(self.folder / LINES, (len(self.plan) + 1) * MAX_LINE_BYTES)
+        content = read_plain(
+            self.folder / LINES, MAX_LINES_A_STEP * (len(self.plan) + 1) * MAX_LINE_BYTES
+        )
         return [line + b"\n" for line in content.split(b"\n")[:-1]]
 
     @property
@@ -159,22 +165,36 @@ class Session:
         return len(self.frames) == len(self.plan)
 
     def _accept(self, line: bytes) -> None:
-        number = len(self.frames)
-        where = f"line {number + 1} of {self.folder / LINES}"
+        where = f"line {len(self.lines) + 1} of {self.folder / LINES}"
         if len(line) > MAX_LINE_BYTES:
             raise SessionError(f"Refused {where}: {len(line)} bytes long.")
         try:
             frame = FrameRecord.model_validate_json(line)
         except ValidationError as error:
             raise SessionError(f"Cannot use {where}:\n{explain(error)}") from error
-        if number >= len(self.plan) or frame.step != number:
+        number = len(self.frames)
+        known = frame.step < number
+        if not known and (frame.step != number or number >= len(self.plan)):
             raise SessionError(f"Cannot use {where}: it is for step {frame.step}, not {number}.")
-        if frame.pattern != self.plan.patterns[number]:
+        attempt = self.frames[frame.step].attempt + 1 if known else 0
+        if frame.attempt != attempt:
+            raise SessionError(
+                f"Cannot use {where}: it is attempt {frame.attempt} at step {frame.step}, "
+                f"not {attempt}."
+            )
+        if frame.pattern != self.plan.patterns[frame.step]:
             raise SessionError(
                 f"Cannot use {where}: it says {frame.pattern}, the plan "
-                f"{self.plan.patterns[number]}."
+                f"{self.plan.patterns[frame.step]}."
             )
-        self.frames.append(frame)
+        self._take_in(frame)
+
+    def _take_in(self, frame: FrameRecord) -> None:
+        self.lines.append(frame)
+        if frame.step < len(self.frames):
+            self.frames[frame.step] = frame
+        else:
+            self.frames.append(frame)
 
     def _rewrite(self, runs: tuple[RunRecord, ...]) -> None:
         self.record = self.record.model_copy(update={"runs": runs})

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from acquire.errors import SessionError
-from acquire.session.store import FRAMES, LINES, LOCK, PLAN, RECORD, Session
+from acquire.session.store import FRAMES, LINES, LOCK, PLAN, PROOF, RECORD, Session
 
-KNOWN = {PLAN, RECORD, LINES, FRAMES, "truth.npz", LOCK}
+KNOWN = {PLAN, RECORD, LINES, PROOF, FRAMES, "truth.npz", LOCK}
 
 
 def problems(session: Session) -> Iterator[str | None]:
-    """One item a frame, None when it is sound, then one for each thing that does not belong."""
-    for frame in session.frames:
+    """One item a line, None when it is sound, then one for each thing that does not belong."""
+    for frame in session.lines:
         try:
             session.read(frame)
         except SessionError as error:
@@ -23,7 +23,7 @@ def problems(session: Session) -> Iterator[str | None]:
 
 
 def _strangers(session: Session) -> Iterator[str]:
-    listed = {frame.file for frame in session.frames}
+    listed = {frame.file for frame in session.lines}
     found = {f"{FRAMES}/{path.name}" for path in (session.folder / FRAMES).iterdir()}
     for name in sorted(found - listed):
         yield f"{session.folder / name} belongs to no line of {LINES}."

@@ -24,6 +24,10 @@ class SimulatedClock:
         """Seconds since 1970-01-01 UTC."""
         return self._now_s
 
+    def monotonic(self) -> float:
+        """Seconds since the simulated run began."""
+        return self._now_s - EPOCH_S
+
     def sleep(self, duration_s: float) -> None:
         """Advance by `duration_s` ≥ 0 seconds."""
         if not duration_s >= 0:

@@ -20,10 +20,10 @@ class Defects:
         Standard deviation of the projector's Gaussian defocus, in camera pixels.
     latency_s
         Time from the start of `show` until the new light is on the scene.
-    late, dropped, swapped, timeouts
+    late, dropped, swapped, timeouts, torn
         Probability, for each exposure, that the projector still shows the previous raster; that
         it is black; that the camera hands over the file it delivered last once more; that no
-        file comes.
+        file comes; that the raster is drawn down to some row only, below it the previous one.
     full_well_e
         Electrons at the sensor's white level at ISO 200; switches shot noise on.
     read_noise_e
@@ -48,6 +48,7 @@ class Defects:
     dropped: float = 0.0
     swapped: float = 0.0
     timeouts: float = 0.0
+    torn: float = 0.0
     full_well_e: float | None = None
     read_noise_e: float = 0.0
     drift: float = 0.0
@@ -60,7 +61,7 @@ class Defects:
             value = getattr(self, field.name)
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"{field.name} must be a finite number, not {value}")
-        for name in ("late", "dropped", "swapped", "timeouts"):
+        for name in ("late", "dropped", "swapped", "timeouts", "torn"):
             self._require(name, 0 <= getattr(self, name) <= 1, "a probability in [0, 1]")
         for name in ("blur_px", "latency_s", "read_noise_e", "ambient"):
             self._require(name, getattr(self, name) >= 0, "at least 0")

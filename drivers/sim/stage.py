@@ -19,7 +19,10 @@ LIVE_KEY = (9,)
 
 @dataclass(frozen=True, slots=True)
 class Chance:
-    """What befalls one attempt at one exposure."""
+    """What befalls one attempt at one exposure.
+
+    `drawn` is the part of the rows, from the top, that show the raster where it is torn.
+    """
 
     late: bool
     dropped: bool
@@ -27,6 +30,7 @@ class Chance:
     timed_out: bool
     flicker_phase_rad: float
     noise: np.random.Generator
+    drawn: float | None = None
 
 
 class Stage:
@@ -90,7 +94,8 @@ class Stage:
         """What befalls the exposure that begins now."""
         sequence = np.random.SeedSequence((self._seed, self.index, self.attempt))
         fate_seed, noise_seed = sequence.spawn(2)
-        late, dropped, swapped, timed_out, turn = np.random.default_rng(fate_seed).random(5)
+        fate = np.random.default_rng(fate_seed).random(7)
+        late, dropped, swapped, timed_out, turn, torn, part = fate
         defects = self.defects
         return Chance(
             late=late < defects.late,
@@ -99,6 +104,7 @@ class Stage:
             timed_out=timed_out < defects.timeouts,
             flicker_phase_rad=2 * np.pi * turn,
             noise=np.random.default_rng(noise_seed),
+            drawn=0.1 + 0.8 * part if torn < defects.torn else None,
         )
 
     def live_chance(self, number: int) -> Chance:
@@ -136,6 +142,8 @@ class Stage:
             return self.emitted(self._black)
         if chance.late:
             return self.emitted(self._previous)
+        if chance.drawn is not None:
+            return self.emitted(_torn(self._current, self._previous, chance.drawn))
         old = float(np.clip((self._arrival_s - self.clock.now()) / exposure_s, 0, 1))
         light = self.emitted(self._current)
         if old == 0:
@@ -147,6 +155,16 @@ class Stage:
                 for frame in (light, before)
             )
         return old * before + (1 - old) * light
+
+
+def _torn(raster: Raster, previous: Raster, drawn: float) -> Raster:
+    """The upper rows of one raster over the lower ones of another."""
+    first, second = (
+        one if raster.ndim == previous.ndim or one.ndim == 3 else np.repeat(one[..., None], 3, 2)
+        for one in (raster, previous)
+    )
+    row = round(drawn * len(first))
+    return np.concatenate([first[:row], second[row:]])
 
 
 def shifted(mosaic: NDArray[np.float64], shift_px: float) -> NDArray[np.float64]:

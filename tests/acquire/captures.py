@@ -53,9 +53,19 @@ def captured(
     bench: Bench | None = None,
     notes: Notes | None = None,
     pause: Pause | None = None,
+    *,
+    keep_unproven: bool = False,
 ) -> tuple[Session, Outcome]:
     notes = notes or Notes()
-    return record(plan or small_plan(), bench or small_bench(), folder, notes, notes.stop, pause)
+    return record(
+        plan or small_plan(),
+        bench or small_bench(),
+        folder,
+        notes,
+        notes.stop,
+        pause,
+        keep_unproven=keep_unproven,
+    )
 
 
 def recorded_bytes(folder: Path) -> dict[str, bytes]:

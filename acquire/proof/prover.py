@@ -1,0 +1,182 @@
+"""The proof beside a running capture: samples in a thread of its own, judges when a unit closes."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Self
+
+from acquire.errors import ProofError
+from acquire.proof.examination import Examination
+from acquire.proof.records import FrameProof, append_proofs, read_proofs, recover_proofs
+from acquire.proof.samples import FrameSamples, sample_frame
+from acquire.proof.units import Unit
+from acquire.session import FrameRecord, Session, Transfer
+from drivers.errors import DecodeError
+from processing.showing import Finding
+
+RETAKES = 3
+# Frames whose bytes are held while they wait to be sampled.
+MOST_WAITING = 2
+_URGENCY = (
+    Finding.BLANK,
+    Finding.PREVIOUS,
+    Finding.PARTIAL,
+    Finding.OTHER,
+    Finding.DOUBTFUL,
+)
+_UNSPECIFIC = {Finding.OTHER, Finding.DOUBTFUL}
+
+
+class Prover:
+    """Which step must be taken again, as far as the session's lines tell.
+
+    Parameters
+    ----------
+    session
+        Being captured; its lines are those that count.
+    warn
+        Called once with what a person should know when frames cannot be judged.
+    keep_unproven
+        Note what is still wrong after three retakes instead of stopping there.
+    """
+
+    def __init__(
+        self, session: Session, warn: Callable[[str], None], *, keep_unproven: bool
+    ) -> None:
+        self._session, self._warn, self._keep_unproven = session, warn, keep_unproven
+        self._examination = Examination(session.plan, session.projector_px)
+        self._waiting: deque[tuple[int, FrameRecord, Future[FrameSamples]]] = deque()
+        self._sampler = ThreadPoolExecutor(1, thread_name_prefix="proof")
+        self._blind = False
+        self._retakes: dict[int, int] = {}
+        self._open = set(self._examination.units)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether every unit was judged, or none can be."""
+        return self._blind or not self._open
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._sampler.shutdown(cancel_futures=True)
+
+    def resume(self) -> list[Unit]:
+        """Read what earlier runs captured, as far as it is needed; the units still to be judged."""
+        recover_proofs(self._session.folder)
+        proofs = read_proofs(self._session.folder)
+        frames, lines = self._session.frames, self._session.lines
+        done = {
+            frame.step
+            for frame in frames
+            if (proof := proofs.get((frame.step, frame.attempt))) is not None
+            and (proof.kept or not proof.is_wrong)
+        }
+        units = self._examination.units
+        needed = {step for unit in units for step in unit.steps if unit.are_references}
+        needed |= {s for unit in units for s in unit.steps if not done.issuperset(unit.steps)}
+        for number, record in enumerate(lines):
+            follower = lines[number + 1].step if number + 1 < len(lines) else record.step
+            if record.step in needed or follower in needed or number == len(lines) - 1:
+                self.take(number, record, self._session.read(record))
+        self._collect(0)
+        closed = [unit for unit in units if unit.closes_at < len(frames)]
+        for unit in closed:
+            if done.issuperset(unit.steps) and not self._blind:
+                self._examination.settle(unit)
+                self._open.discard(unit)
+        return [unit for unit in closed if not done.issuperset(unit.steps)]
+
+    def take(self, number: int, record: FrameRecord, data: bytes) -> None:
+        """Sample the frame of a line, in the background."""
+        if self._blind:
+            return
+        source = self._session.record.source
+        transfer = source.transfer if source else Transfer.RAW
+        if transfer is Transfer.RAW and record.media_type == "image/jpeg":
+            transfer = Transfer.SRGB
+        sampling = self._sampler.submit(sample_frame, data, record.media_type, transfer)
+        self._waiting.append((number, record, sampling))
+        self._collect(MOST_WAITING)
+
+    def closing_at(self, step: int) -> tuple[Unit, ...]:
+        """The units to be judged after this step."""
+        return self._examination.closing_at(step)
+
+    def next_retake(self, unit: Unit) -> tuple[int, str] | None:
+        """The step that must be taken again now, and why; None when the unit is settled.
+
+        Raises
+        ------
+        ProofError
+            A step was taken again three times and is still wrong.
+        """
+        self._collect(0)
+        if self._blind:
+            return None
+        proofs = self._examination.judge(unit)
+        wrong = [proof for proof in proofs if proof.is_wrong]
+        open_ = [proof for proof in wrong if self._retakes.get(proof.step, 0) < RETAKES]
+        if len(open_) < len(wrong) and not self._keep_unproven:
+            # It may be the other one of a pair that is wrong.
+            open_ = [proof for proof in open_ if proof.finding in _UNSPECIFIC]
+            if not open_:
+                raise ProofError(self._message(min(wrong, key=self._order)))
+        if not open_:
+            self._settle(unit, proofs)
+            return None
+        chosen = min(open_, key=self._order)
+        self._retakes[chosen.step] = self._retakes.get(chosen.step, 0) + 1
+        again = f"taking it again ({self._retakes[chosen.step]} of {RETAKES})"
+        return chosen.step, f"{self._named(chosen)} {chosen.in_words}; {again}."
+
+    def _order(self, proof: FrameProof) -> tuple[int, int, int]:
+        reference = self._session.plan.patterns[proof.step].family.is_reference
+        return (
+            _URGENCY.index(proof.finding),
+            proof.attempt,
+            -proof.step if reference else proof.step,
+        )
+
+    def _settle(self, unit: Unit, proofs: tuple[FrameProof, ...]) -> None:
+        append_proofs(
+            self._session.folder,
+            (proof.model_copy(update={"kept": proof.is_wrong}) for proof in proofs),
+        )
+        self._examination.settle(unit)
+        self._open.discard(unit)
+
+    def _collect(self, at_most: int) -> None:
+        while len(self._waiting) > at_most:
+            number, record, sampling = self._waiting.popleft()
+            try:
+                self._examination.add(number, record, sampling.result())
+            except DecodeError as error:
+                if not self._blind:
+                    self._warn(
+                        f"step {record.step}: {error}. Nothing can be said about what the frames "
+                        "show; they are kept unjudged."
+                    )
+                self._blind = True
+
+    def _named(self, proof: FrameProof) -> str:
+        return f"step {proof.step} ({self._session.plan.patterns[proof.step]})"
+
+    def _message(self, proof: FrameProof) -> str:
+        name = self._named(proof)
+        return (
+            f"{name[0].upper()}{name[1:]} {proof.in_words}, also after {RETAKES} retakes. "
+            "Every frame is kept. Look at the projector (on, awake, its window in front), at "
+            "settle_s in the plan, and whether something moved or the light of the room changed; "
+            "then give the same command again. `--keep-unproven` goes on all the same and notes "
+            "it; `lumisplit verify --images` lists what is wrong."
+        )

@@ -1,0 +1,102 @@
+"""Lines of proof.jsonl: what each frame was found to show, and its figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from pydantic import Field, ValidationError
+
+from acquire.errors import SessionError
+from acquire.plan import MAX_STEPS
+from acquire.session.folder import append_durably, read_plain, storage
+from acquire.session.records import MAX_ATTEMPTS
+from acquire.session.store import PROOF
+from acquire.validation import StrictModel, explain
+from processing.showing import Finding
+
+MAX_BYTES = 256 << 20
+
+
+_WORDS = {
+    Finding.BLANK: "shows no light of the projector",
+    Finding.PREVIOUS: "shows the picture before it",
+    Finding.PARTIAL: "shows its pattern in part only",
+    Finding.OTHER: "does not show what its pattern predicts",
+    Finding.DOUBTFUL: "does not add up to white with its complement, which looks wrong too",
+}
+
+
+class FrameProof(StrictModel):
+    """One frame as it was judged; figures that could not be had are null.
+
+    `light`: lamp and exposure, against the first references or, without any, the typical frame
+    of the unit. `change`: mean square change from the picture before in parts of the expected
+    one. `residual`: what its prediction leaves, in parts of its contrast. `additivity`: pattern
+    and complement against white and black, relative. `moved_px`: against the first white, down
+    and right, in camera pixels. `saturated`, `unlit`: parts of the frame's pixels. `kept`: found
+    wrong, and kept all the same because the person who captured asked for that.
+    """
+
+    step: int = Field(ge=0, lt=MAX_STEPS)
+    attempt: int = Field(ge=0, lt=MAX_ATTEMPTS)
+    finding: Finding
+    light: float | None = None
+    change: float | None = None
+    residual: float | None = None
+    additivity: float | None = None
+    moved_px: tuple[float, float] | None = None
+    saturated: float = 0.0
+    unlit: float | None = None
+    camera_time: str = Field(default="", max_length=19)
+    kept: bool = False
+
+    @property
+    def is_wrong(self) -> bool:
+        """The frame shows something else than its pattern."""
+        return self.finding not in {Finding.OWN, Finding.UNSEEN}
+
+    @property
+    def in_words(self) -> str:
+        """What is wrong with the frame, as a predicate."""
+        return _WORDS.get(self.finding, "shows its pattern")
+
+
+def figure(value: float) -> float | None:
+    """A figure of a line: six digits, null where it is none."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def append_proofs(folder: Path, proofs: Iterable[FrameProof]) -> None:
+    """Append lines in one piece."""
+    text = "".join(proof.model_dump_json() + "\n" for proof in proofs)
+    if text:
+        append_durably(folder / PROOF, text.encode())
+
+
+def recover_proofs(folder: Path) -> None:
+    """Cut off a line that a crash left unfinished."""
+    path = folder / PROOF
+    if not path.exists():
+        return
+    content = read_plain(path, MAX_BYTES)
+    with storage(path), path.open("rb+") as file:
+        file.truncate(content.rfind(b"\n") + 1)
+
+
+def read_proofs(folder: Path) -> dict[tuple[int, int], FrameProof]:
+    """The last line of every exposure, by step and attempt; none where nothing was judged."""
+    path = folder / PROOF
+    with storage(path):
+        if not path.exists():
+            return {}
+    found = {}
+    lines = read_plain(path, MAX_BYTES).split(b"\n")[:-1]
+    for number, line in enumerate(lines, 1):
+        try:
+            proof = FrameProof.model_validate_json(line)
+        except ValidationError as error:
+            raise SessionError(f"Cannot use line {number} of {path}:\n{explain(error)}") from error
+        found[proof.step, proof.attempt] = proof
+    return found

@@ -1,0 +1,72 @@
+"""What the proof keeps of a frame: a few thousand places, a window, some counts."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from acquire.frames import decode_frame
+from acquire.session import Transfer
+
+GRID_SIDE = 128
+WINDOW_SIDE = 192
+_DATE_TIME = 306
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSamples:
+    """Light of a frame, mean of the colours.
+
+    Parameters
+    ----------
+    grid
+        float32, (rows, columns), every so many-th pixel each way, at most 128 × 128.
+    saturated
+        bool, (rows, columns), of the same places.
+    window
+        float32, (height, width), the middle of the picture, at most 192 × 192 pixels, all of them.
+    saturated_part
+        Part of all pixels that are saturated.
+    camera_time
+        When the camera says that it took the frame; empty where it does not say.
+    """
+
+    grid: NDArray[np.float32]
+    saturated: NDArray[np.bool_]
+    window: NDArray[np.float32]
+    saturated_part: float
+    camera_time: str
+
+
+def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSamples:
+    """Sample a frame's file; raises `drivers.errors.DecodeError`."""
+    image = decode_frame(data, media_type, transfer)
+    height, width = image.saturated.shape
+    step = -(-max(height, width) // GRID_SIDE)
+    places = np.s_[step // 2 :: step, step // 2 :: step]
+    top, left = max(height - WINDOW_SIDE, 0) // 2, max(width - WINDOW_SIDE, 0) // 2
+    window = image.values[top : top + WINDOW_SIDE, left : left + WINDOW_SIDE]
+    return FrameSamples(
+        grid=image.values[places].mean(axis=2),
+        saturated=image.saturated[places].copy(),
+        window=window.mean(axis=2),
+        saturated_part=float(image.saturated.mean()),
+        camera_time=_camera_time(data),
+    )
+
+
+def _camera_time(data: bytes) -> str:
+    """DateTime of the first directory of a TIFF-like file."""
+    if data[:2] not in {b"II", b"MM"}:
+        return ""
+    try:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            tag = file.pages.first.tags.get(_DATE_TIME)
+            text = "" if tag is None else str(tag.value)
+    except Exception:  # noqa: BLE001 - tifffile lets out whatever its parsing trips over
+        return ""
+    return text[:19] if text.isprintable() else ""

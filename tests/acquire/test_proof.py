@@ -1,0 +1,143 @@
+"""Frames that show something else are found and taken again; the others are left alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acquire.errors import ProofError
+from acquire.proof import examine, read_proofs
+from acquire.rig import find_bench
+from acquire.sequencer import Outcome
+from acquire.session import Session
+from acquire.session.verification import problems
+from processing.showing import Finding
+from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
+
+PLAN = small_plan("[pattern]\npitch_px = [8, 12]\n[references]\nevery_frames = 60\n")
+NOISE = {"full_well_e": 2500.0, "read_noise_e": 50.0}  # 2 % of full scale each
+
+
+def contents(session: Session) -> list[bytes]:
+    return [session.read(frame) for frame in session.frames]
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    session, _ = captured(tmp_path_factory.mktemp("clean") / "s", PLAN, small_bench())
+    return session
+
+
+@pytest.mark.parametrize(
+    "mishaps",
+    [
+        pytest.param({"late": 0.06}, id="late"),
+        pytest.param({"dropped": 0.06}, id="dropped"),
+        pytest.param({"swapped": 0.06}, id="swapped"),
+        pytest.param({"torn": 0.06}, id="torn"),
+        pytest.param({"late": 0.03, "dropped": 0.03, "swapped": 0.03, "torn": 0.03}, id="all"),
+    ],
+)
+def test_without_noise_every_frame_ends_up_as_on_a_bench_without_mishaps(
+    tmp_path: Path, clean: Session, mishaps: dict[str, float]
+) -> None:
+    session, outcome = captured(tmp_path / "s", PLAN, small_bench(seed=8, **mishaps))
+    assert outcome is Outcome.COMPLETE
+    assert len(session.lines) > len(session.plan)
+    assert contents(session) == contents(clean)
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        pytest.param({}, id="no noise"),
+        pytest.param(NOISE, id="noise of 2 %"),
+        pytest.param(NOISE | {"blur_px": 1.0}, id="blurred"),
+        pytest.param(NOISE | {"flicker": 0.1, "drift": 0.2, "ambient": 0.1}, id="unsteady light"),
+    ],
+)
+def test_good_frames_are_left_alone(tmp_path: Path, conditions: dict[str, float]) -> None:
+    notes = Notes()
+    session, outcome = captured(tmp_path / "s", PLAN, small_bench(**conditions), notes)
+    assert outcome is Outcome.COMPLETE
+    assert notes.warnings == []
+    assert session.lines == session.frames
+    proofs = read_proofs(session.folder)
+    assert set(proofs) == {(step, 0) for step in range(len(PLAN))}
+    assert not any(proof.is_wrong for proof in proofs.values())
+
+
+def test_interrupted_anywhere_the_retakes_are_the_same(tmp_path: Path) -> None:
+    plan = small_plan("[pattern]\npitch_px = [8]\n")
+    bench = small_bench(late=0.06, dropped=0.04, swapped=0.04, torn=0.04, **NOISE)
+    whole, _ = captured(tmp_path / "whole", plan, bench)
+    assert len(whole.lines) > len(plan) + 2
+    for kept in range(1, len(whole.lines), 3):
+        lines = (tmp_path / "whole" / "frames.jsonl").read_bytes().splitlines(keepends=True)
+        folder = tmp_path / f"cut-{kept}"
+        (folder / "frames").mkdir(parents=True)
+        for name in ("plan.json", "session.json"):
+            (folder / name).write_bytes((tmp_path / "whole" / name).read_bytes())
+        record = (folder / "session.json").read_text().replace('"complete"', '"running"')
+        (folder / "session.json").write_text(record)
+        (folder / "frames.jsonl").write_bytes(b"".join(lines[:kept]))
+        for line in whole.lines[:kept]:
+            (folder / line.file).write_bytes(whole.read(line))
+        captured(folder, plan, bench)
+        assert recorded_bytes(folder) == recorded_bytes(tmp_path / "whole")
+
+
+def test_a_replay_of_mishaps_takes_again_what_was_taken_again(tmp_path: Path) -> None:
+    captured(tmp_path / "first", PLAN, small_bench(late=0.05, dropped=0.05, **NOISE))
+    captured(tmp_path / "again", PLAN, find_bench(f"replay:{tmp_path / 'first'}"))
+    assert recorded_bytes(tmp_path / "again") == recorded_bytes(tmp_path / "first")
+
+
+def test_superseded_frames_stay_and_are_verified(tmp_path: Path) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, small_bench(dropped=0.08))
+    again = next(line for line in session.lines if line.attempt == 1)
+    assert again.file == f"frames/{again.step:06d}-1.dng"
+    first = tmp_path / "s" / f"frames/{again.step:06d}.dng"
+    assert [problem for problem in problems(Session.open(tmp_path / "s")) if problem] == []
+    first.write_bytes(b"x")
+    (problem,) = [problem for problem in problems(Session.open(tmp_path / "s")) if problem]
+    assert first.name in problem
+
+
+def test_a_projector_that_stays_dark_stops_the_capture(tmp_path: Path) -> None:
+    bench = small_bench(dropped=1.0)
+    with pytest.raises(ProofError, match=r"step 0|step 1|Step 1|Step 0"):
+        captured(tmp_path / "s", PLAN, bench)
+    session = Session.open(tmp_path / "s")
+    assert len(session.frames) == 2
+    assert session.record.runs[-1].outcome == "failed"
+
+
+def test_what_is_kept_unproven_is_noted(tmp_path: Path) -> None:
+    plan = small_plan("[pattern]\npitch_px = [8]\n")
+    bench = small_bench(dropped=0.8, seed=1)
+    notes = Notes()
+    session, outcome = captured(tmp_path / "s", plan, bench, notes, keep_unproven=True)
+    assert outcome is Outcome.COMPLETE
+    kept = [proof for proof in read_proofs(session.folder).values() if proof.kept]
+    assert kept
+    assert {proof.finding for proof in kept} <= set(Finding) - {Finding.OWN, Finding.UNSEEN}
+
+
+def test_a_recorded_session_is_judged_again(tmp_path: Path) -> None:
+    good, _ = captured(tmp_path / "good", PLAN, small_bench(late=0.04, dropped=0.03, **NOISE))
+    again = list(examine(Session.open(good.folder), lambda: None))
+    assert [proof.step for proof in again if proof.is_wrong] == []
+    assert sorted(proof.step for proof in again) == list(range(len(PLAN)))
+    file, other = (good.folder / f"frames/{step:06d}.dng" for step in (20, 21))
+    first, second = good.frames[20], good.frames[21]
+    assert (first.attempt, second.attempt) == (0, 0)
+    content = file.read_bytes(), other.read_bytes()
+    file.write_bytes(content[1])
+    other.write_bytes(content[0])
+    text = (good.folder / "frames.jsonl").read_text()
+    text = text.replace(first.sha256, "?").replace(second.sha256, first.sha256)
+    (good.folder / "frames.jsonl").write_text(text.replace("?", second.sha256))
+    found = list(examine(Session.open(good.folder), lambda: None))
+    assert {20, 21} <= {proof.step for proof in found if proof.is_wrong}
