@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from acquire.cautions import cautions
+from acquire.corrections import correct
 from acquire.errors import ResultError, StackError
 from acquire.methods import (
     HARMONICS,
@@ -111,6 +112,7 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
                 f"{session.folder}: no pixel can be measured; every one is saturated or unlit in "
                 "some frame. Check the exposure and that the projector lit the scene."
             )
+        separated, noise = correct(folder, separated, options.leak, observer)
         observer.stage("decomposing", 1)
         components = method.decompose(folder, separated)
         observer.advance()
@@ -119,7 +121,9 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
     pixels = _interpolation(stack, options)
     warnings = (*cautions(session, separated), *pixels, *remark, *components.warnings)
     used = {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
-    record = _record(session, separated, components, asdict(options) | used, warnings)
+    record = _record(session, separated, components, asdict(options) | used, warnings).model_copy(
+        update={"frame_noise": noise}
+    )
     _write(folder, separated, components, record)
     return Result(folder, record)
 

@@ -14,8 +14,13 @@ from acquire.errors import StackError
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Reference, Stack
+from processing.frame_noise import FrameSample
 from processing.patterns import Family, Pattern, balanced
-from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
+from processing.separation import (
+    ExtremaSeparation,
+    Separation,
+    SinusoidSeparation,
+)
 from processing.soundness import additivity_error, direct_peak, resolved_pitches
 
 UNLIT_FRACTION = 0.01
@@ -37,6 +42,8 @@ class SeparatedPitches:
         uint8, (height, width), `PixelClass`.
     white_reference, black_reference
         The uniform frames, where they were captured.
+    samples
+        Some pixels of all frames of each pitch.
     """
 
     pitches: tuple[PitchRecord, ...]
@@ -44,6 +51,7 @@ class SeparatedPitches:
     mask: NDArray[np.uint8]
     white_reference: Reference | None
     black_reference: Reference | None
+    samples: tuple[FrameSample, ...]
 
     @property
     def resolved(self) -> tuple[PitchRecord, ...]:
@@ -92,10 +100,12 @@ def separate_pitches(
         (folder / "pitches").mkdir(exist_ok=True)
     names = _names(stack.groups)
     pitches: list[PitchRecord] = []
+    samples: list[FrameSample] = []
     whole = lit
     for group, name in zip(stack.groups, names, strict=True):
         frames = _frames(stack, group, dark, listen, frame_done)
-        mean, separation = _separate(frames, group, lit, leak)
+        samples.append(FrameSample([frame.pattern for frame in group.frames]))
+        mean, separation = _separate(_watched(frames, samples[-1]), group, lit, leak)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
             share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))
@@ -104,7 +114,9 @@ def separate_pitches(
             pitches[-1] = _judged(pitches[-1], group, mean, separation, lit, _mask(stack, lit))
     if whole is None:
         raise StackError("There is no pitch to separate.")
-    return SeparatedPitches(_resolved(pitches), whole, _mask(stack, whole), white, black)
+    return SeparatedPitches(
+        _resolved(pitches), whole, _mask(stack, whole), white, black, tuple(samples)
+    )
 
 
 def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
@@ -121,7 +133,9 @@ def blank_unusable(image: Image, mask: NDArray[np.uint8]) -> None:
 def blank_files(folder: Path, separated: SeparatedPitches) -> None:
     """Blank what could not be measured in every pitch's files."""
     for pitch in separated.pitches:
-        for path in (pitch.direct, pitch.global_):
+        for path in (pitch.direct, pitch.global_, pitch.corrected, pitch.deviation):
+            if path is None:
+                continue
             with storage(folder / path):
                 image = tifffile.memmap(folder / path, mode="r+")
                 blank_unusable(image, separated.mask)
@@ -141,6 +155,14 @@ def _frames(
         listen(values, frame.pattern)
         yield values, frame.pattern
         frame_done()
+
+
+def _watched(
+    frames: Iterator[tuple[Image, Pattern]], sample: FrameSample
+) -> Iterator[tuple[Image, Pattern]]:
+    for values, pattern in frames:
+        sample.add(values, pattern)
+        yield values, pattern
 
 
 def _separate(

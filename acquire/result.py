@@ -4,6 +4,8 @@
     components/NAME.tiff            float32, linear, (height, width, 3)
     deviations/NAME.tiff            standard error of the component, where the method knows it
     pitches/direct-0008.tiff        direct light at a pitch, and pitches/global-0008.tiff
+    pitches/corrected-0008.tiff     direct light freed from the bias that noise gives max/min, and
+    pitches/deviation-0008.tiff     its standard error, where the noise is known
     white.tiff                      the scene under white light less the black reference
     mask.tiff                       uint8: 0 measured, 1 saturated, 2 unlit
     report.html                     the page that shows it all
@@ -54,7 +56,8 @@ class PitchRecord(StrictModel):
 
     `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
     white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
-    take no part in the decomposition.
+    take no part in the decomposition. `corrected` is direct light freed from the bias of noise,
+    `deviation` its standard error; None where the noise is unknown.
     """
 
     family: Family
@@ -62,6 +65,8 @@ class PitchRecord(StrictModel):
     shifts: int
     direct: ImagePath
     global_: ImagePath = Field(alias="global", serialization_alias="global")
+    corrected: ImagePath | None = None
+    deviation: ImagePath | None = None
     additivity_error: float | None = None
     direct_peak: float | None = None
     resolved: bool = True
@@ -79,6 +84,16 @@ class MixingRecord(StrictModel):
     families: tuple[Family, ...]
     pitch_px: tuple[int | None, ...]
     alpha: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+class FrameNoiseRecord(StrictModel):
+    """Variance of a frame's noise in each colour: in the dark, and its rise with light.
+
+    In fractions of full scale; `processing.moments.FrameNoise`.
+    """
+
+    constant: tuple[float, ...]
+    slope: tuple[float, ...]
 
 
 class MaskRecord(StrictModel):
@@ -116,6 +131,7 @@ class ResultRecord(StrictModel):
     convergence: tuple[float, ...]
     mask: MaskRecord
     noise: float | None
+    frame_noise: FrameNoiseRecord | None = None
     deviations: bool = False
     warnings: tuple[str, ...]
     plan_sha256: Sha256

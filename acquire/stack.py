@@ -35,10 +35,13 @@ class Reference:
     spread
         Largest difference between the mean level of any one frame and of all, relative to the
         latter: 0 for a single frame.
+    frames
+        How many there are.
     """
 
     image: NDArray[np.float32]
     spread: float
+    frames: int
 
 
 class Stack(Frames):
@@ -67,7 +70,7 @@ class Stack(Frames):
             return None
         mean_level = float(np.mean(levels))
         spread = float(np.ptp(levels)) / 2 / max(abs(mean_level), 1e-6)
-        return Reference(total / np.float32(len(frames)), spread)
+        return Reference(total / np.float32(len(frames)), spread, len(frames))
 
 
 def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:

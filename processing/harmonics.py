@@ -77,7 +77,7 @@ class PitchDesign:
             pitch_px=pitch_px,
             patterns=tuple(patterns),
             weights=_weights(family, down_px, right_px, pitch_px, is_grid),
-            null=_null_weights(patterns),
+            null=null_weights(patterns),
             is_grid=is_grid,
             is_balanced=balanced(patterns),
         )
@@ -122,8 +122,12 @@ def _weights(
     return np.stack([cc - ss, cs + sc, cc + ss, sc - cs], axis=1)
 
 
-def _null_weights(patterns: Sequence[Pattern]) -> NDArray[np.float64] | None:
-    """Signs that alternate from one complementary pair to the next."""
+def null_weights(patterns: Sequence[Pattern]) -> NDArray[np.float64] | None:
+    """Signs that alternate from one complementary pair to the next, (frames,).
+
+    Frames of complementary patterns have equal weight, the weights add up to 0 and their squares
+    to 1: no light can reach the sum. None where there are fewer than two such pairs.
+    """
     index = {_form(pattern, 0): k for k, pattern in enumerate(patterns)}
     pairs = [
         (k, index[_form(pattern, pattern.pitch_px)])

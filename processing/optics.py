@@ -106,6 +106,10 @@ def _line(light: Image, variance: Image) -> tuple[float, float]:
     if np.ptp(at) == 0:
         return float(mean.mean()), 0.0
     slope, constant = np.polyfit(at, mean, 1)
+    for _ in range(2):
+        # Variances scatter in proportion to themselves: dark bins know the read noise best.
+        expected = np.maximum(constant + slope * at, 0.1 * mean.mean())
+        slope, constant = np.polyfit(at, mean, 1, w=1 / expected)
     if slope < 0:
         return float(mean.mean()), 0.0
     if constant < 0:

@@ -1,0 +1,124 @@
+"""Direct light at every pitch freed from the bias of noise, and its standard error, as files.
+
+The noise is measured on complementary frames of the session itself. That needs the whole session,
+so the single pitches are corrected after the last of them was separated, from their files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from acquire.pitches import SeparatedPitches
+from acquire.result import FrameNoiseRecord, PitchRecord, PixelClass, read_tiff, write_tiff
+from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.patterns import balanced
+from processing.single_pitch import (
+    Estimate,
+    amplitude_estimate,
+    extrema_correction,
+    extrema_estimate,
+    measured_kinds,
+)
+
+
+class Observer(Protocol):
+    """Hears of the pitches as they are corrected."""
+
+    def stage(self, name: str, total: int) -> None:
+        """A stage of `total` pitches begins."""
+
+    def advance(self) -> None:
+        """One is done."""
+
+
+def correct(
+    folder: Path, separated: SeparatedPitches, leak: float, observer: Observer
+) -> tuple[SeparatedPitches, FrameNoiseRecord | None]:
+    """Write ``pitches/corrected-*.tiff`` and ``pitches/deviation-*.tiff``.
+
+    Parameters
+    ----------
+    folder
+        The result folder, with the pitches in it.
+    separated
+        The pitches.
+    leak
+        b, as they were separated with.
+    observer
+        Told of every pitch.
+
+    Returns
+    -------
+    The pitches with the new files, and the noise; as they were, and None, where no pitch holds
+    two complementary pairs of frames, so that the noise is unknown.
+    """
+    noise = frame_noise(separated)
+    if noise is None:
+        return separated, None
+    observer.stage("correcting", len(separated.pitches))
+    pitches = []
+    for pitch, sample in zip(separated.pitches, separated.samples, strict=True):
+        estimate = _estimate(folder, pitch, separated, sample, noise, leak)
+        pitches.append(_written(folder, pitch, estimate))
+        observer.advance()
+    record = FrameNoiseRecord(
+        constant=tuple(noise.constant.tolist()), slope=tuple(noise.slope.tolist())
+    )
+    return replace(separated, pitches=tuple(pitches)), record
+
+
+def frame_noise(separated: SeparatedPitches) -> FrameNoise | None:
+    """Noise of a frame, from the complementary frames of all pitches; None where it is unknown."""
+    measured = [one.noise_variance for one in separated.samples]
+    known = [one for one in measured if one is not None]
+    usable = separated.mask == PixelClass.MEASURED
+    if not known or not usable[lattice(usable.shape)].any():
+        return None
+    return noise_of(known, separated.white, usable)
+
+
+def _estimate(
+    folder: Path,
+    pitch: PitchRecord,
+    separated: SeparatedPitches,
+    sample: FrameSample,
+    noise: FrameNoise,
+    leak: float,
+) -> Estimate:
+    white, patterns = separated.white, sample.patterns
+    direct = read_tiff(folder / pitch.direct, white.shape, np.float32)
+    if not pitch.family.is_binary:
+        phases = [pattern.phase for pattern in patterns]
+        return amplitude_estimate(direct, white, noise, phases, leak)
+    if separated.white_reference is not None and not balanced(patterns):
+        white_deviation = _white_deviation(separated, noise, separated.white_reference.frames)
+        correction = extrema_correction(len(patterns), white_deviation)
+        return extrema_estimate(direct, white, noise, correction, leak=leak)
+    correction = extrema_correction(len(patterns))
+    at = lattice(separated.mask.shape)
+    usable = (separated.mask[at] == PixelClass.MEASURED)[..., np.newaxis]
+    swing = np.where(usable, direct[at] * (1 - leak), 0)
+    kinds = measured_kinds(sample, swing, noise.deviation(white[at] / 2), correction)
+    return extrema_estimate(direct, white, noise, correction, kinds=kinds, leak=leak)
+
+
+def _white_deviation(separated: SeparatedPitches, noise: FrameNoise, frames: int) -> float:
+    """Typical noise of the white reference in units of a pattern frame's."""
+    at = lattice(separated.mask.shape)
+    white = separated.white[at][separated.mask[at] == PixelClass.MEASURED]
+    ratio = noise.deviation(white) / np.maximum(noise.deviation(white / 2), 1e-30)
+    return round(float(np.median(ratio) / np.sqrt(frames)), 1)
+
+
+def _written(folder: Path, pitch: PitchRecord, estimate: Estimate) -> PitchRecord:
+    names = {
+        "corrected": pitch.direct.replace("/direct-", "/corrected-"),
+        "deviation": pitch.direct.replace("/direct-", "/deviation-"),
+    }
+    write_tiff(folder / names["corrected"], estimate.direct_light)
+    write_tiff(folder / names["deviation"], estimate.deviation)
+    return pitch.model_copy(update=names)

@@ -1,0 +1,131 @@
+"""What the frames of a session say of their own noise.
+
+A pattern and its complement add up to white. In a sum of all frames of which complementary ones
+have equal weight, and all weights add up to 0, no light is left: its square is the variance of
+the noise of a frame (of all noise that differs between frames, a lamp's flicker included). Noise is
+a property of the whole capture: it is gathered on a lattice of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.harmonics import null_weights
+from processing.optics import noise_lines
+from processing.patterns import Pattern
+
+Image: TypeAlias = NDArray[np.float32]
+Array: TypeAlias = NDArray[np.float64]
+
+_LATTICE_PIXELS = 9000
+_DRAWS = 3
+ADDED = (1.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNoise:
+    """Variance of the noise of a frame against its light: read noise and shot noise.
+
+    Parameters
+    ----------
+    constant
+        float64, (colours,), ≥ 0, variance in the dark, in the unit of the frames squared.
+    slope
+        float64, (colours,), ≥ 0, its rise with light, in the unit of the frames.
+    """
+
+    constant: Array
+    slope: Array
+
+    def deviation(self, light: Image | Array) -> Array:
+        """Standard deviation at some light, (…, colours)."""
+        found: Array = np.sqrt(self.constant + self.slope * np.maximum(light, 0))
+        return found
+
+
+class FrameSample:
+    """The frames of one pitch on a lattice of some thousand pixels.
+
+    Parameters
+    ----------
+    patterns
+        All that are going to be added, of one family and pitch.
+    """
+
+    def __init__(self, patterns: Sequence[Pattern]) -> None:
+        self.patterns = tuple(patterns)
+        self._frames: dict[Pattern, Image] = {}
+
+    def add(self, frame: Image, pattern: Pattern) -> None:
+        """Take in one frame, float32, (height, width, colours), black subtracted."""
+        self._frames[pattern] = frame[lattice(frame.shape[:2])].copy()
+
+    @property
+    def noise_variance(self) -> Array | None:
+        """(rows, columns, colours), one degree of freedom a pixel.
+
+        None where there are fewer than two complementary pairs of frames.
+        """
+        weights = null_weights(self.patterns)
+        return None if weights is None else np.tensordot(weights, self._stacked(), 1) ** 2
+
+    def growth(self, deviation: Array) -> Array:
+        """How much the range of the frames grows when further noise is added to them.
+
+        Parameters
+        ----------
+        deviation
+            σ of a frame's noise, (rows, columns, colours).
+
+        Returns
+        -------
+        (2, rows, columns, colours), in units of σ: for added noise of the same variance, and of
+        `ADDED` times as much. The draws are the same at every call.
+        """
+        frames = self._stacked() / np.maximum(deviation, 1e-12)
+        plain = np.ptp(frames, axis=0)
+        rng = np.random.default_rng(0)
+        grown = np.zeros((2, *plain.shape))
+        for _ in range(_DRAWS):
+            noise = rng.standard_normal(frames.shape, np.float32)
+            for k, variance in enumerate(ADDED):
+                grown[k] += (np.ptp(frames + np.sqrt(variance) * noise, axis=0) - plain) / _DRAWS
+        return grown
+
+    def _stacked(self) -> Array:
+        return np.stack([self._frames[one] for one in self.patterns]).astype(np.float64)
+
+
+def lattice(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Some 10 000 pixels evenly spread over a picture."""
+    every = slice(None, None, lattice_step(shape))
+    return every, every
+
+
+def lattice_step(shape: tuple[int, ...]) -> int:
+    """Distance of the lattice's pixels."""
+    return max(1, int(np.sqrt(shape[0] * shape[1] / _LATTICE_PIXELS)))
+
+
+def noise_of(variances: Sequence[Array], white: Image, usable: NDArray[np.bool_]) -> FrameNoise:
+    """Noise of a frame, from the complementary frames of all pitches.
+
+    Parameters
+    ----------
+    variances
+        `FrameSample.noise_variance` of each pitch, at least one.
+    white
+        float32, (height, width, colours), the scene under full light.
+    usable
+        bool, (height, width), True where a pixel counts; at least one of the lattice.
+    """
+    at = lattice(usable.shape)
+    mean = np.mean(variances, axis=0).astype(np.float32)
+    lines = noise_lines(mean, white[at], usable[at])
+    # The mean frame is half of white: what rises with white rises twice as fast with its light.
+    return FrameNoise(lines[:, 0], 2 * lines[:, 1])
