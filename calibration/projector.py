@@ -50,3 +50,21 @@ def measure_leak(
     ratio = black[usable][lit > 0] / lit[lit > 0]
     low, middle, high = np.percentile(ratio, [15.9, 50, 84.1])
     return Leak(float(np.clip(middle, 0, np.nextafter(1, 0))), float(high - low) / 2)
+
+
+def leak_map(
+    white: NDArray[np.float32], black: NDArray[np.float32], usable: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Leak of every pixel, float32 (height, width), its colours weighted by their light.
+
+    NaN where a pixel is not usable. Parameters as in `measure_leak`.
+    """
+    if white.shape != black.shape or usable.shape != white.shape[:2]:
+        raise ValueError(
+            f"white {white.shape} and black {black.shape} must agree, and usable {usable.shape} "
+            "be their (height, width)"
+        )
+    ratio = np.full(usable.shape, np.nan, np.float32)
+    lit = usable & (white.sum(axis=-1) > 0)
+    ratio[lit] = black[lit].sum(axis=-1) / white[lit].sum(axis=-1)
+    return ratio

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import capturing, devices, processing, results
+from acquire.cli import calibrating, capturing, devices, processing, results
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -30,6 +30,7 @@ capturing.register(app)
 processing.register(app)
 results.register(app)
 devices.register(app)
+calibrating.register(app)
 
 
 def _print_version(wanted: bool) -> None:

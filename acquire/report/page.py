@@ -23,7 +23,12 @@ def write_report(result: Result) -> Path:
 
 
 def render(content: Content) -> str:
-    """Put the content into the template; every text is escaped."""
+    """Put the content into the report's template."""
+    return render_page("report.html.jinja", content)
+
+
+def render_page(template: str, content: object) -> str:
+    """Put the content of a page into its template; every text is escaped."""
     environment = Environment(
         loader=PackageLoader("acquire.report"),
         autoescape=True,
@@ -33,7 +38,7 @@ def render(content: Content) -> str:
     )
     environment.filters["percent"] = percent
     environment.filters["factor"] = factor
-    return environment.get_template("report.html.jinja").render(page=content)
+    return environment.get_template(template).render(page=content)
 
 
 def percent(fraction: float) -> str:

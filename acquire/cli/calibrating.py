@@ -1,0 +1,152 @@
+"""The command that calibrates."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acquire.cli.capturing import STOPPED_STATUS, Quiet
+from acquire.cli.interruption import stop_on_signals
+from acquire.cli.progress import ProgressDisplay
+from acquire.errors import ProfileError
+from acquire.plan import CameraPlan, ProjectorPlan
+from acquire.plan_file import read_plan
+from acquire.rig import find_bench
+from acquire.sequencer import Outcome
+
+if TYPE_CHECKING:
+    from acquire.calibrating.finding import Calibration, Setting
+    from acquire.calibrating.run import Calibrated
+    from acquire.session import Session
+
+
+class Kind(StrEnum):
+    """What can be calibrated."""
+
+    DARK = "dark"
+    NOISE = "noise"
+    RESPONSE = "response"
+    LEAK = "leak"
+    EXPOSURE = "exposure"
+    LATENCY = "latency"
+    BOARD = "board"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("calibrate")(calibrate_command)
+
+
+def calibrate_command(
+    kind: Annotated[Kind, typer.Argument(help="What to measure.")],
+    out: Annotated[Path, typer.Option(help="Profile to write (JSON); its page goes beside it.")],
+    bench: Annotated[
+        str | None,
+        typer.Option(help="sim, lab, replay:SESSION or a bench file; default sim."),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the frames go; without --bench, frames that are there. "
+            "Default: beside the profile."
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option(help="Plan whose [camera] and [projector] to use.")
+    ] = None,
+    exposure: Annotated[
+        float | None, typer.Option(min=1e-6, max=3600, help="Seconds, instead of the plan's.")
+    ] = None,
+    fraction: Annotated[
+        float, typer.Option(min=0.05, max=0.95, help="exposure: of saturation, to aim at.")
+    ] = 0.8,
+    refresh: Annotated[
+        float, typer.Option(min=1, max=1000, help="exposure: of the projector, in Hz.")
+    ] = 60.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the profile.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure the bench: captures a plan of its own, fits it, writes profile and page."""
+    from acquire.calibrating import calibrate, recorded_sessions
+    from acquire.calibrating.page import write_page
+
+    if out.suffix != ".json":
+        raise ProfileError(f"--out {out}: a profile is JSON; give a name that ends in .json.")
+    calibration = _calibration(kind, exposure, fraction, refresh)
+    folder = out.with_suffix(".session") if session is None else session
+    if bench is None and session is not None:
+        sessions = recorded_sessions(session)
+    else:
+        sessions = _captured(calibration, plan, exposure, bench or "sim", folder, quiet=quiet)
+    with ProgressDisplay(quiet=quiet) as progress:
+        calibrated = calibrate(calibration, sessions, out, progress)
+    page = write_page(out, calibrated, calibration.purpose)
+    if as_json:
+        typer.echo(calibrated.profile.model_dump_json(indent=1))
+        return
+    _print(calibrated)
+    typer.echo(f"profile: {out}")
+    typer.echo(f"page: {page}")
+
+
+def _calibration(
+    kind: Kind, exposure_s: float | None, fraction: float, refresh_hz: float
+) -> Calibration:
+    from acquire.calibrating import calibration_named
+    from acquire.calibrating.exposure import ExposureCalibration
+    from acquire.calibrating.latency import LatencyCalibration
+
+    if kind is Kind.EXPOSURE:
+        return ExposureCalibration(fraction=fraction, refresh_hz=refresh_hz)
+    if kind is Kind.LATENCY and exposure_s is not None:
+        return LatencyCalibration(exposure_s=exposure_s)
+    return calibration_named(kind.value)
+
+
+def _captured(
+    calibration: Calibration,
+    plan_path: Path | None,
+    exposure_s: float | None,
+    bench_name: str,
+    folder: Path,
+    *,
+    quiet: bool,
+) -> list[Session]:
+    from acquire.calibrating.run import capture_all
+
+    bench = find_bench(bench_name)
+    setting = _setting(plan_path, exposure_s, bench.resolution)
+    typer.echo(f"{calibration.kind}: {calibration.purpose}", err=True)
+    with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
+        sessions, outcome = capture_all(calibration, setting, bench, folder, progress, stop)
+    if outcome is Outcome.STOPPED:
+        typer.echo(f"stopped; the same command goes on with {folder}", err=True)
+        raise typer.Exit(STOPPED_STATUS)
+    return sessions
+
+
+def _setting(
+    plan_path: Path | None, exposure_s: float | None, resolution: tuple[int, int]
+) -> Setting:
+    from acquire.calibrating.finding import Setting
+
+    camera, projector = CameraPlan(), ProjectorPlan()
+    if plan_path is not None:
+        given = read_plan(plan_path)
+        camera, projector = given.camera, given.projector
+    if exposure_s is not None:
+        camera = camera.model_copy(update={"exposure_s": exposure_s})
+    return Setting(camera, projector, resolution)
+
+
+def _print(calibrated: Calibrated) -> None:
+    from acquire.calibrating.page import in_words
+
+    for name, one in calibrated.profile.quantities.items():
+        unit = f" {one.unit}" if one.unit else ""
+        typer.echo(f"{name:<20} {in_words(one.value, one.uncertainty)}{unit}")
+    for warning in calibrated.profile.warnings:
+        typer.echo(f"warning: {warning}", err=True)
