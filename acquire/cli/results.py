@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from acquire.remix import gains_for, write_mix
-from acquire.result import Result
 from acquire.tone import Tone
 
 ResultFolder = Annotated[Path, typer.Argument(metavar="RESULT")]
@@ -17,6 +15,7 @@ ResultFolder = Annotated[Path, typer.Argument(metavar="RESULT")]
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("remix")(remix_command)
+    app.command("export")(export_command)
 
 
 def remix_command(
@@ -44,12 +43,32 @@ def remix_command(
     ] = Tone.SRGB,
 ) -> None:
     """Mix the components of a result with other gains, at full resolution."""
+    from acquire.remix import gains_for, write_mix
+    from acquire.result import Result
+
     result = Result.open(folder)
     names = result.record.components
     gains = gains_for(names, preset, _gains(gain or []))
     write_mix(result, gains, out, exposure, tone)
     terms = (f"{number:g} × {name}" for name, number in zip(names, gains, strict=True))
     typer.echo(f"{' + '.join(terms)}: {out}")
+
+
+def export_command(
+    folder: ResultFolder,
+    to: Annotated[
+        str, typer.Option(help="exr, mat, npz or hdf5: linear float32; png: 16 bits, for looking.")
+    ],
+    out: Annotated[Path, typer.Option(help="The file; for png the folder.")],
+) -> None:
+    """Write components, errors, white light and mask for other programs."""
+    from acquire.export import Format, export
+    from acquire.result import Result
+
+    if to not in list(Format):
+        raise typer.BadParameter(f"--to {to}: there are {', '.join(Format)}.")
+    for path in export(Result.open(folder), Format(to), out):
+        typer.echo(path)
 
 
 def _gains(words: list[str]) -> dict[str, float]:
