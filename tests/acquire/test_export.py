@@ -41,7 +41,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
         light = chance.normal(0.2, 0.2, (20, 31, 3)).astype(np.float32)
         light[made.mask == PixelClass.SATURATED] = np.nan
         write_tiff(made.folder / f"components/{name}.tiff", light)
-        write_tiff(made.folder / f"deviations/{name}.tiff", np.abs(light) / np.float32(9))
+        write_tiff(made.folder / f"deviations/{name}.tiff", (np.abs(light) / 9).astype(np.float32))
     write_record(made.folder, made.record.model_copy(update={"deviations": True}))
     return Result.open(made.folder)
 

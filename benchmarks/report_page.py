@@ -1,0 +1,111 @@
+"""The page of a 16-megapixel result: its size, what making it takes, and how fast it opens.
+
+    python -m benchmarks.report_page [FOLDER]
+
+Writes a result of 3280 × 4928 pixels, 3 components with standard errors and 23 pitches into FOLDER
+(or a temporary one; 2 GB, images of all pitches are one file under many names). Its light has
+texture and 1 % noise, so that it is as hard to pack as a real one. Needs Chromium.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import sync_playwright
+
+from acquire.remix import write_mix
+from acquire.report import write_report
+from acquire.result import Result, write_record, write_tiff
+from acquire.tone import Tone
+from tests.acquire.browsers import ARGUMENTS, SOFTWARE_GRAPHICS
+from tests.acquire.result_folders import write_result
+
+SHAPE = 3280, 4928
+PITCHES_PX = range(8, 100, 4)
+OPENINGS = 5
+
+
+def make(folder: Path) -> None:
+    small = write_result(folder, shape=(24, 32), pitches_px=PITCHES_PX)
+    chance = np.random.default_rng(0)
+    height, width = SHAPE
+    y, x = np.ogrid[:height, :width]
+    scene = 0.4 + 0.2 * np.sin(x / 90) * np.cos(y / 70) + 0.1 * chance.random(SHAPE)
+    for k, name in enumerate(("white", *small.record.components)):
+        stem = "white" if k == 0 else f"components/{name}"
+        light = scene * (1.0, 0.6, 0.1, 0.3)[k] + 0.01 * chance.standard_normal(SHAPE)
+        image = np.maximum(light, 0).astype(np.float32)[..., np.newaxis] * np.ones(3, np.float32)
+        write_tiff(folder / f"{stem}.tiff", image)
+        if k:
+            (folder / "deviations").mkdir(exist_ok=True)
+            write_tiff(folder / f"deviations/{name}.tiff", 0.01 + 0.02 * image)
+    for pitch in small.record.pitches:
+        for path, source in ((pitch.direct, "direct"), (pitch.global_, "interreflection")):
+            (folder / path).unlink()
+            os.link(folder / f"components/{source}.tiff", folder / path)
+    write_tiff(folder / "mask.tiff", np.zeros(SHAPE, np.uint8))
+    write_record(folder, small.record.model_copy(update={"shape": SHAPE, "deviations": True}))
+
+
+def measured(folder: Path, job: str) -> str:
+    """Seconds and peak memory of a job in a process of its own."""
+    began_s = time.monotonic()
+    words = [sys.executable, "-m", "benchmarks.report_page", str(folder), job]
+    subprocess.run(words, check=True)  # noqa: S603 - this very program
+    return f"{time.monotonic() - began_s:.1f} s"
+
+
+def do(folder: Path, job: str) -> None:
+    result = Result.open(folder)
+    if job == "report":
+        write_report(result)
+    else:
+        write_mix(result, (1, 0.4, 2), folder.with_suffix(f".{job}"), 0, Tone.SRGB)
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{job}: peak {peak_mb:.0f} MB")
+
+
+def openings_s(page: Path) -> list[float]:
+    """From the address to the mix drawn, the probe and the scrubber filled."""
+    executable = shutil.which("chromium") or shutil.which("google-chrome")
+    seconds = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=executable, args=[*ARGUMENTS, *SOFTWARE_GRAPHICS]
+        )
+        for _ in range(OPENINGS):
+            tab = browser.new_page(viewport={"width": 1280, "height": 800})
+            began_s = time.monotonic()
+            tab.goto(page.as_uri())
+            tab.wait_for_function("document.documentElement.dataset.live === 'ready'")
+            seconds.append(time.monotonic() - began_s)
+            tab.close()
+        browser.close()
+    return seconds
+
+
+def main() -> None:
+    if len(sys.argv) == 3:
+        do(Path(sys.argv[1]), sys.argv[2])
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(temporary) / "result"
+        if not folder.exists():
+            make(folder)
+        for job in ("report", "tiff", "png"):
+            print(f"{job}: {measured(folder, job)}")
+        page = folder / "report.html"
+        print(f"page: {page.stat().st_size / 1e6:.1f} MB")
+        print("opened in", ", ".join(f"{each:.2f}" for each in openings_s(page)), "s")
+
+
+if __name__ == "__main__":
+    main()
