@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
@@ -12,9 +12,15 @@ class Pause:
 
     A resting capture holds no frame in flight and shows black; nothing of it is lost however
     long it rests.
+
+    Parameters
+    ----------
+    changed
+        Called by the capture loop when a rest begins and when it is over.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+        self._changed = changed
         self._going = threading.Event()
         self._going.set()
         self._resting = False
@@ -41,10 +47,12 @@ class Pause:
     def resting(self) -> Iterator[None]:
         """Mark the capture as resting; for the capture loop."""
         self._resting = True
+        self._changed()
         try:
             yield
         finally:
             self._resting = False
+            self._changed()
 
     def wait(self, limit_s: float) -> bool:
         """Wait until the rest is over, at most `limit_s` seconds; whether it is over."""

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from acquire.cli.bench import PortOption, capture_page, setting_of
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import PlanError
@@ -76,11 +77,14 @@ def capture_command(
             help="Go on, and note it, where a frame does not show its pattern after 3 retakes.",
         ),
     ] = False,
+    page: Annotated[bool, typer.Option("--page", help="Show it on a page in the browser.")] = False,
+    port: PortOption = 0,
     quiet: Quiet = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
     plan, bench = read_plan(plan_path), find_bench(bench_name)
-    run_capture(plan, bench, out, quiet=quiet, keep_unproven=keep_unproven)
+    where = port if page else None
+    run_capture(plan, bench, out, quiet=quiet, keep_unproven=keep_unproven, port=where)
 
 
 def import_command(
@@ -163,13 +167,29 @@ def _in_words(session: Session, proof: FrameProof) -> str:
 
 
 def run_capture(
-    plan: Plan, bench: Bench, out: Path, *, quiet: bool, keep_unproven: bool = False
+    plan: Plan,
+    bench: Bench,
+    out: Path,
+    *,
+    quiet: bool,
+    keep_unproven: bool = False,
+    port: int | None = None,
 ) -> Session:
-    """Capture with progress; exits with status 130 when it was asked to stop."""
+    """Capture with progress, and with a page on `port` unless None.
+
+    Exits with status 130 when it was asked to stop.
+    """
     done = len(Session.open(out).frames) if Session.exists(out) else 0
     with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
         progress.stage("capturing", len(plan), done)
-        session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
+        if port is None:
+            session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
+        else:
+            setting = setting_of(bench, plan, out, can_aim=False)
+            with capture_page(setting, port, progress, stop, (done, len(plan))) as page:
+                session, outcome = record(
+                    plan, bench, out, page, stop, page.pause, keep_unproven=keep_unproven
+                )
     if outcome is Outcome.STOPPED:
         typer.echo(
             f"stopped: {len(session.frames)} of {len(plan)} frames are in {out}; "

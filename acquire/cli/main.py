@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import calibrating, capturing, devices, processing, results
+from acquire.cli import bench, calibrating, capturing, devices, processing, results
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -27,6 +27,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 capturing.register(app)
+bench.register(app)
 processing.register(app)
 results.register(app)
 devices.register(app)

@@ -87,6 +87,11 @@ class ProgressDisplay:
         """Something a person should know; the job goes on."""
         self._console.print(f"warning: {message}", markup=False, highlight=False, soft_wrap=True)
 
+    def say(self, message: str) -> None:
+        """A line of news, unless quiet."""
+        if not self._quiet:
+            self._console.print(message, markup=False, highlight=False, soft_wrap=True)
+
     def _line(self, text: str) -> None:
         if self._live or self._quiet:
             return

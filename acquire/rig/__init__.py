@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from acquire.bench_file import LabBench, SimBench, read_bench
+from acquire.bench_file import LabBench, ProjectorSection, SimBench, read_bench
 from acquire.rig.bench import Bench, Resumption
 
 __all__ = ["Bench", "Resumption", "find_bench"]
 
 
-def find_bench(text: str) -> Bench:
-    """The bench that ``--bench`` names: sim, lab, replay:SESSION or a TOML file."""
+def find_bench(text: str, monitor: str | None = None) -> Bench:
+    """The bench that ``--bench`` names: sim, lab, replay:SESSION or a TOML file.
+
+    With `monitor` a real bench projects there, whatever its file says.
+    """
     kind, _, rest = text.partition(":")
     if kind == "replay" and rest:
         from acquire.rig.replayed import replay_bench
@@ -28,4 +31,6 @@ def find_bench(text: str) -> Bench:
         return simulated_bench(bench.sim)
     from acquire.rig.lab import lab_bench
 
+    if monitor is not None:
+        bench = bench.model_copy(update={"projector": ProjectorSection(monitor=monitor)})
     return lab_bench(bench)

@@ -59,12 +59,20 @@ class Bench:
     frame_s: float
     _connect: Callable[[Resumption, ExitStack], Devices]
     _truth: Callable[[Plan], Truth] | None = None
+    _connect_to_aim: Callable[[Resumption, ExitStack], Devices] | None = None
 
     @contextmanager
     def open(self, resumption: Resumption) -> Iterator[Devices]:
         """Open the devices; on every way out the projector is blanked before all else."""
         with ExitStack() as closing:
             yield self._connect(resumption, closing)
+
+    @contextmanager
+    def aim(self, resumption: Resumption) -> Iterator[Devices]:
+        """Open the devices for looking and aiming: the lamp stays on afterwards."""
+        connect = self._connect_to_aim or self._connect
+        with ExitStack() as closing:
+            yield connect(resumption, closing)
 
     def truth(self, plan: Plan) -> Truth | None:
         """The parts of light of a simulated scene, exposed as the plan says."""

@@ -37,7 +37,14 @@ def lab_bench(lab: LabBench) -> Bench:
         frame_bytes=round(lab.camera.frame_mb * BYTES_PER_MB),
         frame_s=lab.camera.transfer_s,
         _connect=partial(_connect, lab, monitor.connector),
+        _connect_to_aim=partial(_connect, _lit_afterwards(lab), monitor.connector),
     )
+
+
+def _lit_afterwards(lab: LabBench) -> LabBench:
+    if lab.lamp is None:
+        return lab
+    return lab.model_copy(update={"lamp": lab.lamp.model_copy(update={"off_afterwards": False})})
 
 
 def _camera_identity(lab: LabBench) -> str:

@@ -1,0 +1,108 @@
+"""Commands with a page: bench, and the page of a capture."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquire.cli.interruption import stop_on_signals
+from acquire.cli.progress import ProgressDisplay
+from acquire.page.capturing import CapturePage
+from acquire.page.desk import Desk
+from acquire.page.link import open_page
+from acquire.page.state import Setting
+from acquire.plan import Plan
+from acquire.plan_file import check_fits, read_plan
+from acquire.rig import Bench, find_bench
+
+PortOption = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port of the page on this computer; 0: any.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("bench")(bench_command)
+
+
+def bench_command(
+    plan_path: Annotated[
+        Path | None,
+        typer.Argument(metavar="[PLAN]", show_default=False, help="Whose patterns are shown."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Session folder; with it the plan can be started.")
+    ] = None,
+    bench_name: Annotated[
+        str,
+        typer.Option("--bench", help="sim, lab, replay:SESSION or a bench file (TOML)."),
+    ] = "sim",
+    monitor: Annotated[
+        str | None, typer.Option(help="Where a real bench projects; see `projector list`.")
+    ] = None,
+    port: PortOption = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+) -> None:
+    """Aim, focus and capture from a page in the browser, until Ctrl-C."""
+    from acquire.page.bench import Job, PagedBench
+
+    bench = find_bench(bench_name, monitor)
+    plan = None if plan_path is None else read_plan(plan_path)
+    if plan is not None:
+        check_fits(plan, bench.resolution, bench.name)
+    setting = setting_of(bench, plan, out, can_aim=True)
+    with (
+        stop_on_signals() as stop,
+        ProgressDisplay(quiet=quiet) as progress,
+        paged(setting, port, progress) as desk,
+    ):
+        paged_bench = PagedBench(bench, Job(plan, out), desk, progress, stop)
+        desk.listen(paged_bench.obey)
+        paged_bench.run()
+
+
+def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bool) -> Setting:
+    """What the page is told once."""
+    return Setting(
+        bench=bench.name,
+        projector_px=bench.resolution,
+        frame_bytes=bench.frame_bytes,
+        plan=plan,
+        session=None if out is None else str(out.absolute()),
+        can_aim=can_aim,
+        can_start=can_aim and plan is not None and out is not None,
+        version=metadata.version("lumisplit"),
+    )
+
+
+@contextmanager
+def paged(setting: Setting, port: int, progress: ProgressDisplay) -> Iterator[Desk]:
+    """Serve a page and print its address."""
+
+    def gone() -> None:
+        progress.warning("the page at the bench has ended; the work goes on without it")
+
+    with open_page(setting, port, gone) as link:
+        typer.echo(f"page: {link.address}")
+        yield Desk(link, progress.say)
+
+
+@contextmanager
+def capture_page(
+    setting: Setting,
+    port: int,
+    progress: ProgressDisplay,
+    stop: threading.Event,
+    counts: tuple[int, int],
+) -> Iterator[CapturePage]:
+    """The page of a capture that begins now; `counts` are frames on the disk and in the plan."""
+    with paged(setting, port, progress) as desk:
+        page = CapturePage(desk, progress, stop, *counts)
+        desk.listen(page.obey)
+        yield page

@@ -1,0 +1,253 @@
+"""Joins the desk with the browsers: what is known to all of them, commands of one of them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from acquire.errors import LumisplitError
+from acquire.page.chart import shown_raster
+from acquire.page.commands import BENCH_COMMAND, BenchCommand
+from acquire.page.commands import Helm as HelmCommand
+from acquire.page.darkroom import Box, Negative, Print, negative, printed, printed_raster
+from acquire.page.helm import Helm
+from acquire.page.session_tail import SessionTail
+from acquire.page.state import SNAPSHOT, Activity, Setting, Snapshot
+from acquire.page.viewer import Viewer, packed, packed_print
+from drivers.errors import DriverError
+from drivers.window_channel import Message
+
+TICK_S = 1.0
+LIVE_EVERY_S, FRAME_EVERY_S = 0.05, 0.5
+NOTES_SHOWN = 20
+
+
+class Hub:
+    """Everything that the page's process knows; used from its event loop only.
+
+    Parameters
+    ----------
+    setting
+        What never changes.
+    command
+        Sends a command to the desk.
+    """
+
+    def __init__(self, setting: Setting, command: Callable[[str], None]) -> None:
+        self.setting, self.snapshot = setting, Snapshot()
+        self.viewers: dict[int, Viewer] = {}
+        self.ended = False
+        self._command, self._helm, self._count = command, Helm(), 0
+        self._tail = SessionTail(Path(setting.session)) if setting.session else None
+        self._darkroom = ThreadPoolExecutor(1, thread_name_prefix="darkroom")
+        self._arrived: Message | None = None
+        self._work = asyncio.Event()
+        self._picture: tuple[int, Negative, dict[str, Any]] | None = None
+        self._frame: dict[str, Any] | None = None
+        self._prints: dict[Box | None, Print] = {}
+        self._developed_steps = 0
+        self._trouble = ""
+        self._free_bytes: int | None = None
+
+    def hear(self, message: Message) -> None:
+        """Take a message from the desk."""
+        if message.kind == "picture":
+            self._arrived = message
+            self._work.set()
+            return
+        self.snapshot = SNAPSHOT.validate_json(message.text)
+        progress = self.snapshot.progress
+        if progress is not None and progress.done != self._developed_steps:
+            self._work.set()
+        self._tell_all()
+
+    def end(self) -> None:
+        """The desk is gone."""
+        self.ended = True
+        self._tell_all()
+
+    def join(self) -> Viewer:
+        """A browser has come."""
+        self._count += 1
+        viewer = Viewer(self._count)
+        self.viewers[viewer.number] = viewer
+        self._helm = self._helm.joined(viewer.number)
+        self._work.set()
+        self._tell_all()
+        return viewer
+
+    def leave(self, viewer: Viewer) -> None:
+        """A browser has gone."""
+        self.viewers.pop(viewer.number, None)
+        self._helm = self._helm.left(viewer.number)
+        self._tell_all()
+
+    def steer(self, viewer: Viewer, command: HelmCommand) -> None:
+        """Change who commands."""
+        number, helm = viewer.number, self._helm
+        match command.do:
+            case "take" | "ask":
+                self._helm = helm.asked(number, time.monotonic())
+            case "hand-over" | "keep":
+                self._helm = helm.answered(number, hand_over=command.do == "hand-over")
+            case "leave":
+                self._helm = helm.given_up(number)
+        self._tell_all()
+
+    def command(self, viewer: Viewer, command: BenchCommand) -> bool:
+        """Pass a command on; False from a viewer who only watches."""
+        if viewer.number != self._helm.holder:
+            return False
+        self._command(BENCH_COMMAND.dump_json(command).decode())
+        return True
+
+    async def tick(self) -> None:
+        """Once a second: who commands, and the disk; as long as the page is served."""
+        while True:
+            self._helm = self._helm.at(time.monotonic())
+            if self.setting.session:
+                folder = Path(self.setting.session)
+                there = next(path for path in (folder, *folder.parents) if path.exists())
+                with suppress(OSError):
+                    self._free_bytes = shutil.disk_usage(there).free
+            self._tell_all()
+            await asyncio.sleep(TICK_S)
+
+    async def develop(self) -> None:
+        """Decode what came last, whenever somebody looks; what came between is dropped."""
+        while True:
+            await self._work.wait()
+            self._work.clear()
+            if not self.viewers:
+                continue
+            pause_s = await self._develop_newest()
+            self._tell_all()
+            await asyncio.sleep(pause_s)
+
+    async def state_for(self, viewer: Viewer) -> str:
+        """What this viewer is told, as JSON."""
+        return json.dumps(self._state() | self._standing(viewer))
+
+    async def picture_for(self, viewer: Viewer) -> bytes | None:
+        """The newest picture as this viewer wants it; None when it has it."""
+        if self._picture is None:
+            return None
+        number, picture, head = self._picture
+        if viewer.picture == (number, viewer.box):
+            return None
+        box = viewer.box
+        if box not in self._prints:
+            loop = asyncio.get_running_loop()
+            shown = await loop.run_in_executor(self._darkroom, printed, picture, box)
+            if self._picture is not None and self._picture[0] == number:
+                self._prints[box] = shown
+        else:
+            shown = self._prints[box]
+        viewer.picture = number, box
+        width, height = picture.size_px
+        return packed_print({"kind": "picture", "size": [width, height], **head}, shown)
+
+    async def projector_for(self, viewer: Viewer) -> bytes | None:
+        """What the projector shows, or what the last frame should; None when it has it."""
+        what = self._frame["pattern"] if self._frame else ""
+        if self.snapshot.shown is not None:
+            what = self.snapshot.shown.what
+        if viewer.projector == what or not what:
+            return None
+        viewer.projector = what
+        plan = self.setting.plan
+        gamma = plan.projector.gamma if plan else 1.0
+        draw = partial(_drawn, what, self.setting.projector_px, gamma)
+        file = await asyncio.get_running_loop().run_in_executor(self._darkroom, draw)
+        return packed({"kind": "projector", "what": what}, file)
+
+    def close(self) -> None:
+        """Let the darkroom go."""
+        self._darkroom.shutdown(wait=False, cancel_futures=True)
+
+    def _tell_all(self) -> None:
+        for viewer in self.viewers.values():
+            viewer.news.set()
+
+    def _standing(self, viewer: Viewer) -> dict[str, Any]:
+        helm = self._helm
+        return {
+            "you": viewer.number,
+            "viewers": len(self.viewers),
+            "holder": helm.holder,
+            "asking": helm.asking,
+        }
+
+    def _state(self) -> dict[str, Any]:
+        progress, setting = self.snapshot.progress, self.setting
+        state = asdict(self.snapshot)
+        state["notes"] = state["notes"][-NOTES_SHOWN:]
+        if progress is not None:
+            missing = progress.total - progress.done
+            state["progress"] |= {
+                "frame_s": progress.frame_s,
+                "left_s": progress.left_s,
+                "needed_bytes": missing * setting.frame_bytes,
+            }
+        if self.ended:
+            state["activity"] = Activity.ENDED
+        return state | {
+            "kind": "state",
+            "free_bytes": self._free_bytes,
+            "frame": self._frame,
+            "trouble": self._trouble,
+        }
+
+    async def _develop_newest(self) -> float:
+        """Decode the newest; how long to leave the processor to others."""
+        loop = asyncio.get_running_loop()
+        arrived, self._arrived = self._arrived, None
+        progress = self.snapshot.progress
+        try:
+            if arrived is not None:
+                picture = await loop.run_in_executor(
+                    self._darkroom, negative, arrived.text, arrived.data
+                )
+                self._hang(picture, {"of": "live"})
+                self._frame = None
+                return LIVE_EVERY_S
+            if progress is not None and progress.done and self._tail is not None:
+                if progress.done != self._developed_steps:
+                    self._developed_steps = progress.done
+                    picture, frame = await loop.run_in_executor(
+                        self._darkroom, _last_frame, self._tail
+                    )
+                    self._frame = frame
+                    self._hang(picture, {"of": "frame", "step": frame["step"]})
+                return FRAME_EVERY_S
+        except (LumisplitError, DriverError) as error:
+            self._trouble = str(error)
+        return FRAME_EVERY_S
+
+    def _hang(self, picture: Negative, head: dict[str, Any]) -> None:
+        number = 1 if self._picture is None else self._picture[0] + 1
+        self._picture = number, picture, {"number": number, **head}
+        self._prints.clear()
+        self._trouble = ""
+
+
+def _last_frame(tail: SessionTail) -> tuple[Negative, dict[str, Any]]:
+    record = tail.last()
+    if record is None:
+        raise LumisplitError("The session has no frame yet.")
+    picture = tail.picture(record)
+    about = record.model_dump(mode="json", exclude={"file"})
+    return picture, about | {"light": asdict(tail.light(record, picture))}
+
+
+def _drawn(what: str, projector_px: tuple[int, int], gamma: float) -> bytes:
+    return printed_raster(shown_raster(what, projector_px, gamma))
