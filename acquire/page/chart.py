@@ -55,8 +55,8 @@ def focus_chart(resolution: tuple[int, int]) -> Raster:
     """
     height, width = resolution
     chart = np.zeros(resolution, np.uint8)
-    radius = min(height, width) / 5
-    margin = radius * 1.15
+    radius = min(height, width) / 6
+    margin = radius * 1.2
     for y, x in (
         (height / 2, width / 2),
         (margin, margin),
@@ -65,12 +65,15 @@ def focus_chart(resolution: tuple[int, int]) -> Raster:
         (height - margin, width - margin),
     ):
         _star(chart, y, x, radius)
-    side = max(round(radius * 0.6), 4)
-    for place, (down, right) in enumerate(((0, 1), (0, 3), (1, 0), (1, 4))):
-        top = height // 2 - side // 2 if down else round(margin) - side // 2
-        left = round(width * right / 4) - side // 2
-        left = min(max(left, 4), width - side - 4)
-        _lines(chart[top : top + side, left : left + side], 1 + place % 2)
+    half = round(radius * 0.4)
+    for y, x, line_px in (
+        (margin, width / 2, 1),
+        (height - margin, width / 2, 2),
+        (height / 2, margin, 1),
+        (height / 2, width - margin, 2),
+    ):
+        field = chart[round(y) - half : round(y) + half, round(x) - half : round(x) + half]
+        _lines(field, line_px)
     chart[[0, -1], :] = 255
     chart[:, [0, -1]] = 255
     return chart

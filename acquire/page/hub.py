@@ -52,7 +52,6 @@ class Hub:
         self._arrived: Message | None = None
         self._work = asyncio.Event()
         self._picture: tuple[int, Negative, dict[str, Any]] | None = None
-        self._frame: dict[str, Any] | None = None
         self._prints: dict[Box | None, Print] = {}
         self._developed_steps = 0
         self._trouble = ""
@@ -153,12 +152,13 @@ class Hub:
         else:
             shown = self._prints[box]
         viewer.picture = number, box
+        viewer.pattern = head["frame"]["pattern"] if head["frame"] else ""
         width, height = picture.size_px
         return packed_print({"kind": "picture", "size": [width, height], **head}, shown)
 
     async def projector_for(self, viewer: Viewer) -> bytes | None:
         """What the projector shows, or what the last frame should; None when it has it."""
-        what = self._frame["pattern"] if self._frame else ""
+        what = viewer.pattern
         if self.snapshot.shown is not None:
             what = self.snapshot.shown.what
         if viewer.projector == what or not what:
@@ -203,7 +203,6 @@ class Hub:
         return state | {
             "kind": "state",
             "free_bytes": self._free_bytes,
-            "frame": self._frame,
             "trouble": self._trouble,
         }
 
@@ -217,25 +216,21 @@ class Hub:
                 picture = await loop.run_in_executor(
                     self._darkroom, negative, arrived.text, arrived.data
                 )
-                self._hang(picture, {"of": "live"})
-                self._frame = None
+                self._hang(picture, None)
                 return LIVE_EVERY_S
-            if progress is not None and progress.done and self._tail is not None:
-                if progress.done != self._developed_steps:
-                    self._developed_steps = progress.done
-                    picture, frame = await loop.run_in_executor(
-                        self._darkroom, _last_frame, self._tail
-                    )
-                    self._frame = frame
-                    self._hang(picture, {"of": "frame", "step": frame["step"]})
-                return FRAME_EVERY_S
+            done = 0 if progress is None else progress.done
+            if self._tail is not None and done and done != self._developed_steps:
+                self._developed_steps = done
+                developed = await loop.run_in_executor(self._darkroom, _last_frame, self._tail)
+                self._hang(*developed)
         except (LumisplitError, DriverError) as error:
             self._trouble = str(error)
         return FRAME_EVERY_S
 
-    def _hang(self, picture: Negative, head: dict[str, Any]) -> None:
+    def _hang(self, picture: Negative, frame: dict[str, Any] | None) -> None:
+        """The newest picture: of a frame of the session, or only looked at."""
         number = 1 if self._picture is None else self._picture[0] + 1
-        self._picture = number, picture, {"number": number, **head}
+        self._picture = number, picture, {"number": number, "frame": frame}
         self._prints.clear()
         self._trouble = ""
 

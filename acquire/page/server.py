@@ -26,8 +26,8 @@ from acquire.validation import explain
 MAX_VIEWERS = 16
 MAX_MISTAKES = 10
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
-TYPES: Final = {"css": "text/css", "js": "text/javascript"}
-FILES: Final = ("page.css", "page.js", "picture.js", "panels.js", "line.js")
+TYPES: Final = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+FILES: Final = ("page.css", "page.js", "picture.js", "panels.js", "line.js", "icon.svg")
 
 
 def application(hub: Hub) -> Starlette:
@@ -104,12 +104,11 @@ async def _keep_telling(hub: Hub, viewer: Viewer, websocket: WebSocket) -> None:
         if state != viewer.state:
             viewer.state = state
             await websocket.send_text(state)
-        raster = await hub.projector_for(viewer)
-        if raster is not None:
-            await websocket.send_bytes(raster)
         if viewer.ready and (picture := await hub.picture_for(viewer)) is not None:
             viewer.ready = False
             await websocket.send_bytes(picture)
+        if (raster := await hub.projector_for(viewer)) is not None:
+            await websocket.send_bytes(raster)
         if hub.ended:
             await websocket.close()
             return

@@ -27,6 +27,8 @@ class Viewer:
         Whether it has shown its last picture.
     state, picture, projector
         Keys of what it was sent last.
+    pattern
+        What its last picture should show; empty for one that was only looked at.
     """
 
     number: int
@@ -35,6 +37,7 @@ class Viewer:
     state: str = ""
     picture: tuple[int, Box | None] | None = None
     projector: str = ""
+    pattern: str = ""
     news: asyncio.Event = field(default_factory=asyncio.Event)
     _allowance: float = BURST
     _counted_s: float = 0.0

@@ -2,7 +2,7 @@
 
 import { Line } from "./line.js";
 import { PictureView, drawHistogram, drawSharpness, sized } from "./picture.js";
-import { press, put, showState } from "./panels.js";
+import { press, put, showFrame, showState } from "./panels.js";
 
 const SPAN_MS = 60_000, AUTO_AFTER_MS = 5000;
 const CLIPPED = 1, UNLIT = 2;
@@ -41,8 +41,9 @@ async function showPicture(head) {
   drawHistogram(element("histogram"), head.histogram);
   put("clipped-share", percent(head.clipped));
   put("unlit-share", percent(head.unlit));
-  put("levels", `mean ${head.mean.map((level) => percent(level)).join(" ")} of the range`);
-  put("camera-title", head.of === "live" ? "camera" : `step ${head.step}, as captured`);
+  put("levels", `mean ${["R", "G", "B"].map((name, k) => `${name} ${percent(head.mean[k])}`).join(", ")}`);
+  put("camera-title", head.frame ? `step ${head.frame.step} as captured` : "camera");
+  showFrame(head.frame);
   const [, , width, height] = head.box;
   put("camera-note", `${width} × ${height} px${head.reduced > 1 ? `, shown ÷${head.reduced.toFixed(1)}` : ""}`);
   showScale();
@@ -52,7 +53,7 @@ async function showPicture(head) {
 
 function showFocus(head) {
   const now = performance.now();
-  const key = JSON.stringify([head.box, head.of, head.of === "live" && state?.shown?.what, state?.camera.asked]);
+  const key = JSON.stringify([head.box, head.frame?.pattern ?? state?.shown?.what, state?.camera.asked]);
   if (key !== figuresOf) figures = [];
   figuresOf = key;
   if (head.focus !== null) figures.push({ at: now, value: head.focus });
@@ -72,6 +73,7 @@ async function showRaster(message) {
   context.imageSmoothingEnabled = scale < 1;
   context.drawImage(image, (canvas.width - width) / 2, (canvas.height - height) / 2, width, height);
   canvas.dataset.what = message.what;
+  put("expected", state?.shown ? "" : `the frame should show ${message.what}`);
 }
 
 function showScale() {

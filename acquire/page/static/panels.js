@@ -42,9 +42,8 @@ function showHelm(state, commands) {
 }
 
 function showProjector(state) {
-  const planned = state.activity === "capturing" && state.frame;
-  const what = state.shown ? state.shown.what : planned ? `for step ${state.frame.step}: ${state.frame.pattern}` : "–";
-  put("shown", state.activity === "paused" ? "black (paused)" : what);
+  const follows = { capturing: "follows the plan", paused: "black", resting: "off", ended: "off" };
+  put("shown", state.shown?.what ?? follows[state.activity] ?? "–");
   element("shown").dataset.sha256 = state.shown?.raster_sha256 ?? "";
   element("shown").title = state.shown?.raster_sha256 ? `sha256 ${state.shown.raster_sha256}` : "";
   for (const button of document.querySelectorAll("[data-show]"))
@@ -69,7 +68,7 @@ function showCamera(state) {
 }
 
 function showPlan(state) {
-  const { progress, frame } = state;
+  const { progress } = state;
   element("done").max = progress?.total ?? 1;
   element("done").value = progress?.done ?? 0;
   put("count", progress ? `${progress.done} of ${progress.total}` : "not started");
@@ -79,17 +78,20 @@ function showPlan(state) {
   const needed = progress ? `, ${bytes(progress.needed_bytes)} needed` : "";
   put("disk", free == null ? "–" : `${bytes(free)} free${needed}`);
   element("disk").classList.toggle("differs", Boolean(progress && free != null && progress.needed_bytes > free));
+}
+
+export function showFrame(frame) {
   put("frame", frame ? `${frame.step}: ${frame.pattern}, ${bytes(frame.size_bytes)}` : "–");
   put("exposed", frame?.settings ? inWords(frame.settings) : "–");
   put("proof", frame ? proof(frame) : "–");
 }
 
 function proof(frame) {
-  const words = ["settings read back as planned"];
-  if (frame.light?.measured != null)
+  const words = ["settings as planned"];
+  if (frame.light.measured != null)
     words.push(`light ${frame.light.measured.toFixed(3)} of white, pattern ${frame.light.expected.toFixed(3)}`);
   if (frame.raster_sha256) words.push(`raster ${frame.raster_sha256.slice(0, 8)}…`);
-  return words.join(" · ");
+  return words.join("; ");
 }
 
 let notesBefore = "";
@@ -113,8 +115,9 @@ function enable(state, commands) {
   const aiming = commands && state.activity === "aiming";
   const capturing = ["capturing", "paused"].includes(state.activity);
   for (const control of document.querySelectorAll(".aim button, .aim select, .aim input")) control.disabled = !aiming;
-  element("camera-panel").hidden = document.body.dataset.aim === "0";
-  for (const row of document.querySelectorAll("#projector-panel .aim")) row.hidden = document.body.dataset.aim === "0";
+  const mayAim = document.body.dataset.aim === "1" && !capturing;
+  element("camera-panel").hidden = !mayAim;
+  for (const row of document.querySelectorAll("#projector-panel .aim")) row.hidden = !mayAim;
   if (aiming) element("live").disabled = !state.camera.has_live_view;
   const canStart = document.body.dataset.start === "1" && ["aiming", "resting"].includes(state.activity);
   const complete = state.progress && state.progress.done === state.progress.total;

@@ -100,7 +100,7 @@ export class PictureView {
       const [a, b, c, d] = head.focus_box;
       context.strokeRect(left + a * scale, top + b * scale, c * scale, d * scale);
     }
-    Object.assign(canvas.dataset, { left, top, scale, number: head.number, of: head.of });
+    Object.assign(canvas.dataset, { left, top, scale, number: head.number, step: head.frame?.step ?? "" });
   }
 
   changed() {
@@ -176,7 +176,7 @@ export function drawHistogram(canvas, histogram) {
   const context = sized(canvas);
   const top = Math.log1p(Math.max(...histogram.flat()));
   context.globalCompositeOperation = "lighter";
-  ["#7a2b2b", "#2b6a35", "#2b4a80"].forEach((colour, channel) => {
+  ["#4a1616", "#133a1b", "#14264a"].forEach((colour, channel) => {
     const counts = histogram[channel];
     const step = canvas.width / counts.length;
     context.fillStyle = colour;
