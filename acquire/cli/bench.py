@@ -7,19 +7,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
-from acquire.page.capturing import CapturePage
-from acquire.page.desk import Desk
-from acquire.page.link import open_page
-from acquire.page.state import Setting
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, read_plan
 from acquire.rig import Bench, find_bench
+
+if TYPE_CHECKING:
+    from acquire.page.capturing import CapturePage
+    from acquire.page.desk import Desk
+    from acquire.page.state import Setting
 
 PortOption = Annotated[
     int, typer.Option(min=0, max=65535, help="Port of the page on this computer; 0: any.")
@@ -69,6 +70,8 @@ def bench_command(
 
 def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bool) -> Setting:
     """What the page is told once."""
+    from acquire.page.state import Setting
+
     return Setting(
         bench=bench.name,
         projector_px=bench.resolution,
@@ -84,6 +87,8 @@ def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bo
 @contextmanager
 def paged(setting: Setting, port: int, progress: ProgressDisplay) -> Iterator[Desk]:
     """Serve a page and print its address."""
+    from acquire.page.desk import Desk
+    from acquire.page.link import open_page
 
     def gone() -> None:
         progress.warning("the page at the bench has ended; the work goes on without it")
@@ -102,6 +107,8 @@ def capture_page(
     counts: tuple[int, int],
 ) -> Iterator[CapturePage]:
     """The page of a capture that begins now; `counts` are frames on the disk and in the plan."""
+    from acquire.page.capturing import CapturePage
+
     with paged(setting, port, progress) as desk:
         page = CapturePage(desk, progress, stop, *counts)
         desk.listen(page.obey)
