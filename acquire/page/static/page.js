@@ -138,6 +138,7 @@ function pauseOrGoOn() {
 
 function set(event) {
   event.preventDefault();
+  document.activeElement.blur(); // so that the keys are commands again
   const [above, below] = element("exposure").value.split("/");
   const number = (id) => (element(id).value.trim() === "" ? null : Number(element(id).value));
   line.ask({

@@ -1,0 +1,355 @@
+"""The page as a person has it: a real browser, the simulated bench at its real pace."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from acquire.page.chart import focus_chart
+from acquire.session import Session
+from acquire.session.verification import problems
+from drivers.protocols import CameraSettings
+from drivers.raster import raster_digest
+from drivers.raw import decode_raw
+from drivers.sim.devices import SimulationConfig, build
+from processing.patterns import Pattern
+from tests.acquire.page.test_darkroom import srgb
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page, Playwright
+
+pytestmark = pytest.mark.browser
+PATIENCE_S = 90.0
+CAMERA_PX, PROJECTOR_PX = (24, 32), (72, 96)
+PLAN = """[pattern]
+pitch_px = [8, 12, 16]
+shifts = [4, 2]
+[camera]
+exposure_s = 0.1
+[projector]
+settle_s = 0.1
+"""
+BENCH = f"""kind = "sim"
+[sim]
+camera_px = {list(CAMERA_PX)}
+projector_px = {list(PROJECTOR_PX)}
+real_time = true
+"""
+COMMANDS = "document.getElementById('standing').textContent.startsWith('you command')"
+NOTHING_TO_PRESS = """[...document.querySelectorAll("aside button, aside select")]
+  .every(control => control.disabled || control.offsetParent === null)"""
+ARGUMENTS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+
+
+@pytest.fixture(scope="module")
+def chromium() -> str:
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None and os.environ.get("CI") == "true":
+        pytest.fail(f"CI must have a browser: none of {', '.join(names)} is on the path")
+    if found is None:
+        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
+    return found
+
+
+@pytest.fixture(scope="module")
+def playwright() -> Iterator[Playwright]:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync_api.sync_playwright() as running:
+        yield running
+
+
+@dataclass
+class Operator:
+    """A person at a browser, and what the browser complained of."""
+
+    playwright: Playwright
+    chromium: str
+    address: str
+    complaints: list[str] = field(default_factory=list)
+    requested: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.browser: Browser = self.playwright.chromium.launch(
+            executable_path=self.chromium, args=ARGUMENTS
+        )
+        self.page: Page = self.open()
+
+    def open(self) -> Page:
+        page = self.browser.new_page(viewport={"width": 1280, "height": 800})
+        page.on("console", lambda message: self.complaints.append(message.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.requested.add(urlsplit(request.url).netloc))
+        page.goto(self.address)
+        return page
+
+    @property
+    def troubles(self) -> list[str]:
+        """All complaints but the one about this test's own reading of the canvas."""
+        return [text for text in self.complaints if "willReadFrequently" not in text]
+
+    def until(self, condition: str, page: Page | None = None) -> None:
+        """Wait for a JavaScript condition; the page's policy forbids Playwright's own way."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not (page or self.page).evaluate(condition):
+            text = (page or self.page).evaluate("document.body.innerText")
+            assert time.monotonic() < deadline_s, (condition, text)
+            time.sleep(0.02)
+
+    def activity(self, wanted: str, page: Page | None = None) -> None:
+        self.until(f"document.getElementById('activity').dataset.activity === '{wanted}'", page)
+
+    def shown(self) -> str:
+        return str(self.page.evaluate("document.getElementById('shown').dataset.sha256"))
+
+    def shows(self, what: str) -> None:
+        self.until(f"document.getElementById('shown').textContent === '{what}'")
+
+    def next_pictures(self, count: int = 3) -> None:
+        """Wait for pictures that were taken after now."""
+        number = "Number(document.getElementById('camera').dataset.number || 0)"
+        now = self.page.evaluate(number)
+        self.until(f"{number} >= {now + count}")
+
+
+@dataclass
+class Lab:
+    """A running ``lumisplit bench``."""
+
+    folder: Path
+
+    def __post_init__(self) -> None:
+        (self.folder / "plan.toml").write_text(PLAN)
+        (self.folder / "bench.toml").write_text(BENCH)
+        self.session = self.folder / "session"
+        words = ["bench", "plan.toml", "--out", "session", "--bench", "bench.toml"]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "acquire", *words],
+            cwd=self.folder,
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().split()[-1]
+
+    @property
+    def lines(self) -> int:
+        path = self.session / "frames.jsonl"
+        return path.read_bytes().count(b"\n") if path.exists() else 0
+
+    def until_lines(self, count: int) -> None:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while self.lines < count:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        _, stderr = self.process.communicate(timeout=PATIENCE_S)
+        assert "Traceback" not in stderr
+        return self.process.returncode
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[Lab]:
+    lab = Lab(tmp_path)
+    yield lab
+    if lab.process.poll() is None:
+        lab.process.kill()
+        lab.process.communicate()
+
+
+PIXELS = """() => {
+  const canvas = document.getElementById("camera");
+  const {left, top, scale} = canvas.dataset;
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const pixels = [];
+  for (let y = 0; y < HEIGHT; y++) for (let x = 0; x < WIDTH; x++) {
+    const column = Math.floor(Number(left) + (x + 0.5) * scale);
+    const row = Math.floor(Number(top) + (y + 0.5) * scale);
+    const at = 4 * (row * canvas.width + column);
+    pixels.push(...data.data.slice(at, at + 3));
+  }
+  return pixels;
+}"""
+
+
+def on_screen(page: Page) -> NDArray[np.int64]:
+    """The middle of every camera pixel as the canvas has it."""
+    height, width = CAMERA_PX
+    script = PIXELS.replace("HEIGHT", str(height)).replace("WIDTH", str(width))
+    return np.array(page.evaluate(script)).reshape(height, width, 3)
+
+
+def simulated(
+    what: str, settings: CameraSettings
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """What the page should show: the bench has no noise, so every frame is the same."""
+    bench = build(SimulationConfig("corner", 0, CAMERA_PX, PROJECTOR_PX))
+    bench.projector.show(Pattern.parse(what).raster(PROJECTOR_PX))
+    return srgb(decode_raw(bench.camera.capture(settings).data).values)
+
+
+def test_aiming_capturing_and_a_browser_that_dies(
+    lab: Lab, playwright: Playwright, chromium: str
+) -> None:
+    operator = Operator(playwright, chromium, lab.address)
+    look_and_aim(operator)
+    second_viewer_only_watches(operator)
+    start_rest_and_go_on(operator, lab)
+    operator.browser.close()
+    die_and_come_back(lab, playwright, chromium)
+    session = Session.open(lab.session)
+    assert session.complete
+    assert [run.outcome for run in session.record.runs] == ["stopped", "complete"]
+    assert [problem for problem in problems(session) if problem] == []
+    assert operator.troubles == []
+    assert operator.requested == {urlsplit(lab.address).netloc}
+    assert lab.end(signal.SIGINT) == 0
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", int(urlsplit(lab.address).port or 0)), 5)
+
+
+def look_and_aim(operator: Operator) -> None:
+    page = operator.page
+    operator.activity("aiming")
+    operator.next_pictures()
+    for key, what in (("w", "white"), ("b", "black")):
+        page.keyboard.press(key)
+        operator.shows(what)
+        assert operator.shown() == raster_digest(Pattern.parse(what).raster(PROJECTOR_PX))
+    operator.next_pictures()
+    assert on_screen(page).max() <= 1
+    page.keyboard.press("w")
+    operator.shows("white")
+    operator.next_pictures()
+    as_planned = CameraSettings(0.1, 8.0, 200)
+    # One code for rounding in the page's table and in the browser.
+    assert np.abs(on_screen(page) - simulated("white", as_planned)).max() <= 1
+    page.keyboard.press("f")
+    operator.shows("chart")
+    assert operator.shown() == raster_digest(focus_chart(PROJECTOR_PX))
+    page.select_option("#pattern", "checker:8:4,0")
+    operator.shows("checker:8:4,0")
+    assert operator.shown() == raster_digest(Pattern.parse("checker:8:4,0").raster(PROJECTOR_PX))
+    page.fill("#exposure", "1/20")
+    page.press("#exposure", "Enter")
+    operator.until("document.getElementById('read-back').textContent.startsWith('1/20 s')")
+    operator.next_pictures()
+    expected = simulated("checker:8:4,0", CameraSettings(0.05, 8.0, 200))
+    assert np.abs(on_screen(page) - expected).max() <= 1
+    page.click("#exposures")
+    operator.until("document.getElementById('exposures').ariaPressed === 'true'")
+    operator.next_pictures()
+    assert np.abs(on_screen(page) - expected).max() <= 1
+
+
+def second_viewer_only_watches(operator: Operator) -> None:
+    watcher = operator.open()
+    operator.activity("aiming", watcher)
+    operator.until(NOTHING_TO_PRESS, watcher)
+    before = operator.shown()
+    watcher.keyboard.press("w")
+    operator.until("document.getElementById('standing').textContent.includes('watch')", watcher)
+    operator.next_pictures()
+    assert operator.shown() == before
+    watcher.click("#ask")
+    operator.until("!document.getElementById('hand-over').hidden")
+    operator.page.click("#hand-over")
+    operator.until(
+        "document.getElementById('standing').textContent.startsWith('you command')", watcher
+    )
+    watcher.keyboard.press("w")
+    operator.shows("white")
+    watcher.close()
+    operator.until("!document.getElementById('take').hidden")
+    operator.page.click("#take")
+    operator.until(COMMANDS)
+
+
+def start_rest_and_go_on(operator: Operator, lab: Lab) -> None:
+    page = operator.page
+    page.click("#start")
+    operator.activity("capturing")
+    lab.until_lines(3)
+    page.click("#pause")
+    operator.activity("paused")
+    at_rest = lab.lines
+    page.keyboard.press("Space")
+    assert page.is_visible("#darkness")
+    page.keyboard.press("Space")
+    assert not page.is_visible("#darkness")
+    time.sleep(0.5)
+    assert lab.lines == at_rest
+    page.click("#go-on")
+    lab.until_lines(at_rest + 2)
+    operator.until("document.getElementById('camera').dataset.step !== ''")
+    page.click("#stop")
+    operator.activity("resting")
+    assert lab.lines < 26
+    page.click("#start")
+    operator.activity("capturing")
+
+
+def die_and_come_back(lab: Lab, playwright: Playwright, chromium: str) -> None:
+    """The browser was closed in mid-capture; a new one sees what is true."""
+    before = lab.lines
+    lab.until_lines(before + 2)
+    operator = Operator(playwright, chromium, lab.address)
+    operator.until("document.getElementById('done').value > 0")
+    done = operator.page.evaluate("document.getElementById('done').value")
+    assert before + 2 <= done <= lab.lines
+    lab.until_lines(26)
+    operator.activity("resting")
+    assert operator.page.inner_text("#count") == "26 of 26"
+    operator.browser.close()
+
+
+def test_a_picture_is_seen_pixel_for_pixel(lab: Lab, playwright: Playwright, chromium: str) -> None:
+    operator = Operator(playwright, chromium, lab.address)
+    page = operator.page
+    operator.activity("aiming")
+    operator.next_pictures()
+    page.keyboard.press("w")
+    operator.shows("white")
+    page.fill("#exposure", "1/2")
+    page.press("#exposure", "Enter")
+    operator.until("document.getElementById('read-back').textContent.startsWith('0.5 s')")
+    operator.next_pictures()
+    share = page.inner_text("#clipped-share")
+    assert float(share.split()[0]) > 10
+    clipped = (on_screen(page) == (213, 94, 0)).all(axis=2)
+    settings = CameraSettings(0.5, 8.0, 200)
+    bench = build(SimulationConfig("corner", 0, CAMERA_PX, PROJECTOR_PX))
+    bench.projector.show(Pattern.parse("white").raster(PROJECTOR_PX))
+    saturated = decode_raw(bench.camera.capture(settings).data).saturated
+    np.testing.assert_array_equal(clipped, saturated)
+    page.keyboard.press("c")
+    assert np.abs(on_screen(page) - simulated("white", settings)).max() <= 1
+    page.keyboard.press("z")
+    operator.until("document.getElementById('camera').dataset.scale === '1'")
+    page.keyboard.press("z")
+    page.keyboard.press("r")
+    assert page.evaluate("document.documentElement.classList.contains('red')")
+    operator.next_pictures()
+    assert operator.troubles == []
+    assert lab.end(signal.SIGTERM) == 0
+    operator.activity("ended")
+    operator.browser.close()
