@@ -17,6 +17,7 @@ from acquire.session import Session
 from acquire.session.folder import storage
 from processing.decomposition import decompose_iva
 from processing.gathering import HarmonicsStack
+from processing.harmonics import PitchHarmonics
 from processing.patterns import Family, Pattern
 from processing.ranges import decompose_ranges
 
@@ -68,6 +69,14 @@ class Method(Protocol):
     def frame(self, values: Image, pattern: Pattern) -> None:
         """One frame, black subtracted."""
 
+    @property
+    def wants_harmonics(self) -> bool:
+        """Whether a pitch that was gathered elsewhere must bring its harmonics."""
+        ...
+
+    def pitch(self, gathered: PitchHarmonics) -> None:
+        """All frames of a pitch, gathered elsewhere."""
+
     def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
         """Components from what was seen and from the separated pitches in `folder`."""
 
@@ -85,6 +94,14 @@ class Iva:
         self._smoothing_px = smoothing_px
 
     def frame(self, values: Image, pattern: Pattern) -> None:
+        """The separated pitches are all it needs."""
+
+    @property
+    def wants_harmonics(self) -> bool:
+        """See `Method.wants_harmonics`."""
+        return False
+
+    def pitch(self, gathered: PitchHarmonics) -> None:
         """The separated pitches are all it needs."""
 
     def close(self) -> None:
@@ -140,6 +157,18 @@ class Ranges:
             self._stack.add(values, pattern)
         except ValueError as error:
             raise StackError(f"{pattern}: {error}; `--method iva` takes such sessions.") from error
+
+    @property
+    def wants_harmonics(self) -> bool:
+        """See `Method.wants_harmonics`."""
+        return True
+
+    def pitch(self, gathered: PitchHarmonics) -> None:
+        """Take in the harmonics of a pitch."""
+        height, width, colours = gathered.total.shape
+        if self._stack is None:
+            self._stack = self._begin((height, width, colours))
+        self._stack.join(gathered)
 
     def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:  # noqa: ARG002
         """Fit every pixel's spectrum of ranges."""

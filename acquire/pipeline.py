@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from acquire.cautions import cautions
+from acquire.cluster import PARKED, Cluster, RemoteGatherer
 from acquire.corrections import correct
 from acquire.errors import ResultError, StackError
 from acquire.methods import (
@@ -57,6 +58,7 @@ OWN_NAMES = {
     "report.html",
     "deviations",
     HARMONICS,
+    PARKED,
 }
 
 
@@ -96,8 +98,27 @@ class Observer(Protocol):
         """One unit of the stage is done."""
 
 
-def process(session: Session, folder: Path, options: Options, observer: Observer) -> Result:
-    """Separate and decompose a session; whatever `folder` held of an earlier result is replaced."""
+def process(
+    session: Session,
+    folder: Path,
+    options: Options,
+    observer: Observer,
+    cluster: Cluster | None = None,
+) -> Result:
+    """Separate and decompose a session; whatever `folder` held of an earlier result is replaced.
+
+    Parameters
+    ----------
+    session, folder
+        What to process, and where the result goes.
+    options
+        How.
+    observer
+        Told of the progress.
+    cluster
+        Where the pitches are decoded and separated; here, if it is not given. Session and result
+        lie on a file system that its workers share. The result is the same, bit for bit.
+    """
     stack = Stack(session, options.demosaic)
     name, remark = _method_name(session, options)
     if name == "iva":
@@ -106,7 +127,14 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
     method = _method(name, session, folder, options)
     try:
         observer.stage("separating", len(stack))
-        separated = separate_pitches(stack, folder, options.leak, method.frame, observer.advance)
+        gatherer = None
+        if cluster is not None:
+            task = (session, folder, options.demosaic, options.leak)
+            heard = method.pitch if method.wants_harmonics else None
+            gatherer = RemoteGatherer(cluster, *task, heard, observer.advance)
+        separated = separate_pitches(
+            stack, folder, options.leak, method.frame, observer.advance, gatherer
+        )
         if not np.any(separated.mask == PixelClass.MEASURED):
             raise StackError(
                 f"{session.folder}: no pixel can be measured; every one is saturated or unlit in "
@@ -118,6 +146,7 @@ def process(session: Session, folder: Path, options: Options, observer: Observer
         observer.advance()
     finally:
         method.close()
+        shutil.rmtree(folder / PARKED, ignore_errors=True)
     pixels = _interpolation(stack, options)
     warnings = (*cautions(session, separated), *pixels, *remark, *components.warnings)
     used = {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
@@ -174,7 +203,7 @@ def _prepare(folder: Path, session_folder: Path) -> None:
         )
     with storage(folder):
         (folder / RECORD).unlink(missing_ok=True)
-        for name in ("components", "deviations", "pitches"):
+        for name in ("components", "deviations", "pitches", PARKED):
             if (folder / name).is_symlink():
                 (folder / name).unlink()
             shutil.rmtree(folder / name, ignore_errors=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import tifffile
@@ -67,12 +68,67 @@ class SeparatedPitches:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class GatheredPitch:
+    """What the frames of one pitch come down to."""
+
+    mean: Image
+    separation: Separation
+    sample: FrameSample
+
+
+class Gatherer(Protocol):
+    """Goes through the frames of all pitches, here or elsewhere."""
+
+    def gather(
+        self, stack: Stack, dark: Image | None, lit: Image | None
+    ) -> Iterator[GatheredPitch]:
+        """Each group of the stack, in its order; the stack learns what is saturated."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LocalGatherer:
+    """Decodes and separates in this process.
+
+    Parameters
+    ----------
+    leak
+        b of the projector.
+    listen
+        Called with each pattern frame, black subtracted, and what it shows.
+    frame_done
+        Called after each decoded frame.
+    """
+
+    leak: float
+    listen: Callable[[Image, Pattern], None]
+    frame_done: Callable[[], None]
+
+    def gather(
+        self, stack: Stack, dark: Image | None, lit: Image | None
+    ) -> Iterator[GatheredPitch]:
+        """See `Gatherer.gather`."""
+        for group in stack.groups:
+            yield self.gather_one(stack, group, dark, lit)
+
+    def gather_one(
+        self, stack: Stack, group: PitchGroup, dark: Image | None, lit: Image | None
+    ) -> GatheredPitch:
+        """One pitch."""
+        sample = FrameSample([frame.pattern for frame in group.frames])
+        frames = _watched(_frames(stack, group, dark, self.listen, self.frame_done), sample)
+        mean, separation = _separate(frames, group, lit, self.leak)
+        return GatheredPitch(mean, separation, sample)
+
+
 def separate_pitches(
     stack: Stack,
     folder: Path,
     leak: float,
     listen: Callable[[Image, Pattern], None],
     frame_done: Callable[[], None],
+    gatherer: Gatherer | None = None,
 ) -> SeparatedPitches:
     """Write ``pitches/*.tiff`` into `folder`; holds one pitch's running extrema at a time.
 
@@ -89,7 +145,10 @@ def separate_pitches(
         Called with white and with each pattern frame, black subtracted, and what it shows.
     frame_done
         Called after each decoded frame.
+    gatherer
+        Goes through the frames of the pitches; here, one after the other, if it is not given.
     """
+    gatherer = gatherer or LocalGatherer(leak, listen, frame_done)
     black = stack.reference(Family.BLACK, frame_done)
     white = stack.reference(Family.WHITE, frame_done)
     dark = None if black is None else black.image
@@ -102,10 +161,10 @@ def separate_pitches(
     pitches: list[PitchRecord] = []
     samples: list[FrameSample] = []
     whole = lit
-    for group, name in zip(stack.groups, names, strict=True):
-        frames = _frames(stack, group, dark, listen, frame_done)
-        samples.append(FrameSample([frame.pattern for frame in group.frames]))
-        mean, separation = _separate(_watched(frames, samples[-1]), group, lit, leak)
+    gathered = gatherer.gather(stack, dark, lit)
+    for group, name, found in zip(stack.groups, names, gathered, strict=True):
+        mean, separation = found.mean, found.separation
+        samples.append(found.sample)
         pitches.append(_write(folder, group, name, separation))
         if lit is None:
             share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))

@@ -61,9 +61,21 @@ class FrameSample:
         self.patterns = tuple(patterns)
         self._frames: dict[Pattern, Image] = {}
 
+    @classmethod
+    def whole(cls, patterns: Sequence[Pattern], frames: Image) -> FrameSample:
+        """From the `frames` that another process sampled."""
+        found = cls(patterns)
+        found._frames = dict(zip(patterns, frames, strict=True))
+        return found
+
     def add(self, frame: Image, pattern: Pattern) -> None:
         """Take in one frame, float32, (height, width, colours), black subtracted."""
         self._frames[pattern] = frame[lattice(frame.shape[:2])].copy()
+
+    @property
+    def frames(self) -> Array:
+        """(frames, rows, columns, colours), in the order of the patterns."""
+        return np.stack([self._frames[one] for one in self.patterns]).astype(np.float64)
 
     @property
     def noise_variance(self) -> Array | None:
@@ -72,7 +84,7 @@ class FrameSample:
         None where there are fewer than two complementary pairs of frames.
         """
         weights = null_weights(self.patterns)
-        return None if weights is None else np.tensordot(weights, self._stacked(), 1) ** 2
+        return None if weights is None else np.tensordot(weights, self.frames, 1) ** 2
 
     def growth(self, deviation: Array) -> Array:
         """How much the range of the frames grows when further noise is added to them.
@@ -87,7 +99,7 @@ class FrameSample:
         (2, rows, columns, colours), in units of σ: for added noise of the same variance, and of
         `ADDED` times as much. The draws are the same at every call.
         """
-        frames = self._stacked() / np.maximum(deviation, 1e-12)
+        frames = self.frames / np.maximum(deviation, 1e-12)
         plain = np.ptp(frames, axis=0)
         rng = np.random.default_rng(0)
         grown = np.zeros((2, *plain.shape))
@@ -96,9 +108,6 @@ class FrameSample:
             for k, variance in enumerate(ADDED):
                 grown[k] += (np.ptp(frames + np.sqrt(variance) * noise, axis=0) - plain) / _DRAWS
         return grown
-
-    def _stacked(self) -> Array:
-        return np.stack([self._frames[one] for one in self.patterns]).astype(np.float64)
 
 
 def lattice(shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -90,6 +90,16 @@ class HarmonicsStack:
         if self._open[k].is_complete:
             self._close(k)
 
+    def join(self, gathered: PitchHarmonics) -> None:
+        """Take in a pitch whose frames were gathered elsewhere, all of them."""
+        design = gathered.design
+        k = self._index.get((design.family, design.pitch_px), -1)
+        if k not in self._waiting or k in self._open or not gathered.is_complete:
+            raise ValueError(f"{design.family}:{design.pitch_px} is not waited for as a whole")
+        self._harmonics[k] = gathered.harmonics
+        self._open[k] = gathered
+        self._close(k)
+
     def _close(self, k: int) -> None:
         gathered, design = self._open.pop(k), self.designs[k]
         if design.is_balanced:

@@ -187,6 +187,17 @@ class PitchHarmonics:
         self.null = np.zeros(shape, np.float32)
         self._waiting = {pattern: k for k, pattern in enumerate(design.patterns)}
 
+    @classmethod
+    def whole(
+        cls, design: PitchDesign, harmonics: Image, total: Image, null: Image
+    ) -> PitchHarmonics:
+        """All frames of a pitch, as another process gathered them."""
+        height, width, colours = total.shape
+        found = cls(design, (height, width, colours))
+        found.harmonics, found.total, found.null = harmonics, total, null
+        found._waiting.clear()
+        return found
+
     @property
     def is_complete(self) -> bool:
         """Every pattern of the design was added."""

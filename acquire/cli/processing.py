@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,7 @@ import typer
 
 from acquire.cli.capturing import Quiet, run_capture
 from acquire.cli.progress import ProgressDisplay
+from acquire.errors import ResultError
 from acquire.plan_file import example_text, parse_plan
 from acquire.recording import TRUTH
 from acquire.rig import find_bench
@@ -18,6 +20,7 @@ from acquire.session import Session
 from drivers.image import Demosaic
 
 if TYPE_CHECKING:
+    from acquire.cluster import Cluster
     from acquire.evaluation import Evaluation
     from acquire.pipeline import Options
     from acquire.result import Result
@@ -50,8 +53,14 @@ def demo_command(
 
 
 def process_command(
-    folder: Annotated[Path, typer.Argument(metavar="SESSION")],
-    out: Annotated[Path, typer.Option(help="Result folder; an earlier result is replaced.")],
+    folders: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Result folder; an earlier result is replaced. Of several sessions, a folder in "
+            "which each gets one of its own name."
+        ),
+    ],
     method: Annotated[
         str | None,
         typer.Option(help="One of: ranges, iva. Default: ranges where possible."),
@@ -75,16 +84,43 @@ def process_command(
             "measured. bilinear: one of each photosite, two thirds of the values interpolated."
         ),
     ] = Demosaic.SUPERPIXEL,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler, tcp://HOST:PORT, whose workers decode and separate the pitches; "
+            "they see sessions and results under the same paths.",
+        ),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Separate every pitch of a session, decompose it and write the report."""
+    from acquire.cluster import connected
     from acquire.pipeline import Options
     from acquire.report import write_report
 
     options = Options(method, components, iterations, smoothing_px, leak, demosaic)
-    result = _process(Session.open(folder), out, options, quiet=quiet)
-    typer.echo(f"components: {', '.join(result.record.components)}")
-    typer.echo(f"report: {write_report(result)}")
+    jobs = _jobs(folders, out)
+    with nullcontext() if scheduler is None else connected(scheduler) as cluster:
+        for folder, result_folder in jobs:
+            session = Session.open(folder)
+            result = _process(session, result_folder, options, quiet=quiet, cluster=cluster)
+            typer.echo(f"components: {', '.join(result.record.components)}")
+            typer.echo(f"report: {write_report(result)}")
+
+
+def _jobs(folders: list[Path], out: Path) -> list[tuple[Path, Path]]:
+    """Session and result folders; no two results in one place."""
+    if len(folders) == 1:
+        return [(folders[0], out)]
+    names = [folder.resolve().name for folder in folders]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ResultError(
+            f"Several sessions are named {twice[0]!r}, so their results would replace one another "
+            f"in {out}. Process them one by one."
+        )
+    return [(folder, out / name) for folder, name in zip(folders, names, strict=True)]
 
 
 def evaluate_command(
@@ -112,11 +148,18 @@ def report_command(folder: Annotated[Path, typer.Argument(metavar="RESULT")]) ->
     typer.echo(f"report: {write_report(Result.open(folder))}")
 
 
-def _process(session: Session, out: Path, options: Options, *, quiet: bool) -> Result:
+def _process(
+    session: Session,
+    out: Path,
+    options: Options,
+    *,
+    quiet: bool,
+    cluster: Cluster | None = None,
+) -> Result:
     from acquire.pipeline import process
 
     with ProgressDisplay(quiet=quiet) as progress:
-        result = process(session, out, options, progress)
+        result = process(session, out, options, progress, cluster)
     for warning in result.record.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return result

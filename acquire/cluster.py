@@ -1,0 +1,230 @@
+"""Pitches decoded and separated by the workers of a Dask cluster.
+
+A task is one pitch: the worker opens the session by its path on the shared file system, reads the
+pitch's frames, and parks a few images in the result folder. Nothing but paths, names and numbers
+goes through the scheduler, and nothing that a session holds is executed. Each attempt parks in a
+folder of its own: what a worker that was thought dead still writes reaches no result.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquire.errors import StackError
+from acquire.pitches import GatheredPitch, LocalGatherer
+from acquire.session import Session
+from acquire.session.folder import storage
+from acquire.stack import Stack
+from drivers.image import Demosaic
+from processing.frame_noise import FrameSample
+from processing.harmonics import PitchDesign, PitchHarmonics
+from processing.patterns import Pattern
+from processing.separation import Separation
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+PARKED = ".parked"
+WAIT_S = 10.0
+Image: TypeAlias = NDArray[np.float32]
+
+
+class Cluster(Protocol):
+    """Runs functions elsewhere."""
+
+    def results(
+        self, function: Callable[..., str], tasks: Sequence[tuple[object, ...]]
+    ) -> Iterator[str]:
+        """The value of the function for each task, in order; all are begun at once."""
+        ...
+
+
+class DaskCluster:
+    """An existing scheduler and its workers."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def results(
+        self, function: Callable[..., str], tasks: Sequence[tuple[object, ...]]
+    ) -> Iterator[str]:
+        """See `Cluster.results`."""
+        from distributed import KilledWorker  # noqa: PLC0415 - an extra
+
+        futures = [self._client.submit(function, *task, pure=False) for task in tasks]
+        try:
+            for future in futures:
+                yield str(future.result())
+        except KilledWorker as error:
+            raise StackError(
+                f"Workers died over and over at one and the same pitch: {error}. Is there memory "
+                "enough for a frame times ten on each?"
+            ) from error
+        finally:
+            self._client.cancel(futures)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def connected(address: str, wait_s: float = WAIT_S) -> Iterator[DaskCluster]:
+    """Connect to a scheduler, such as ``tcp://127.0.0.1:8786``; waits so long for an answer."""
+    try:
+        from distributed import Client  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise StackError(
+            "--scheduler needs Dask: install lumisplit with its extra, `lumisplit[cluster]`, here "
+            "and where the workers run."
+        ) from error
+    scheme, _, rest = address.rpartition("://")
+    if scheme not in {"", "tcp", "tls"} or not rest.rpartition(":")[2].isdigit():
+        raise StackError(f"{address!r} is no scheduler: give tcp://HOST:PORT.")
+    try:
+        client = Client(address, timeout=wait_s, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as error:
+        raise StackError(
+            f"No scheduler answers at {address}: {error}. `dask scheduler` starts one."
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=wait_s)
+        except TimeoutError as error:
+            raise StackError(
+                f"The scheduler at {address} has no workers. `dask worker {address}` adds one, on "
+                "a machine where lumisplit is installed and the session's path is the same."
+            ) from error
+        yield DaskCluster(client)
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteGatherer:
+    """Has the pitches of a session gathered by a cluster.
+
+    Parameters
+    ----------
+    cluster
+        Where.
+    session, folder
+        Session and result folder, on a file system that the workers share.
+    demosaic, leak
+        As in `acquire.pipeline.Options`.
+    listen
+        Called with the harmonics of each pitch; None where they are not wanted.
+    frame_done
+        Called for each frame, a pitch's at once.
+    """
+
+    cluster: Cluster
+    session: Session
+    folder: Path
+    demosaic: Demosaic
+    leak: float
+    listen: Callable[[PitchHarmonics], None] | None
+    frame_done: Callable[[], None]
+
+    def gather(
+        self, stack: Stack, dark: Image | None, lit: Image | None
+    ) -> Iterator[GatheredPitch]:
+        """See `acquire.pitches.Gatherer.gather`."""
+        parked = self.folder.resolve() / PARKED
+        with storage(parked):
+            parked.mkdir()
+            for name, image in (("dark", dark), ("lit", lit)):
+                if image is not None:
+                    np.save(parked / f"{name}.npy", image)
+        place = str(self.session.folder.resolve()), str(parked)
+        how = self.demosaic.value, self.leak, self.listen is not None
+        tasks = [(*place, k, *how) for k in range(len(stack.groups))]
+        done = self.cluster.results(gather_pitch, tasks)
+        for group, name in zip(stack.groups, done, strict=True):
+            patterns = [frame.pattern for frame in group.frames]
+            with storage(parked / name), np.load(parked / name, allow_pickle=False) as file:
+                yield self._taken(stack, patterns, dict(file))
+            (parked / name).unlink()
+            for _ in patterns:
+                self.frame_done()
+
+    def _taken(
+        self, stack: Stack, patterns: list[Pattern], images: dict[str, Image]
+    ) -> GatheredPitch:
+        saturated = images["saturated"].astype(np.bool_)
+        if stack.saturated is not None and saturated.shape != stack.saturated.shape:
+            raise StackError(
+                f"{self.session.folder}: frames of {patterns[0].family} {patterns[0].pitch_px} are "
+                f"{saturated.shape}, those before {stack.saturated.shape} (height, width)."
+            )
+        stack.saturated = saturated if stack.saturated is None else stack.saturated | saturated
+        if self.listen is not None:
+            names = ("harmonics", "total", "null")
+            harmonics, total, null = (images[name] for name in names)
+            design = PitchDesign.of(patterns)
+            self.listen(PitchHarmonics.whole(design, harmonics, total, null))
+        return GatheredPitch(
+            images["mean"],
+            Separation(images["direct"], images["global_"]),
+            FrameSample.whole(patterns, images["sample"]),
+        )
+
+
+def gather_pitch(
+    session: str, parked: str, index: int, demosaic: str, leak: float, with_harmonics: bool
+) -> str:
+    """Decode and separate one pitch, on a worker.
+
+    Parameters
+    ----------
+    session, parked
+        Folders: the session, and where dark and lit frames lie and the pitch is parked.
+    index
+        Of the pitch among the stack's groups.
+    demosaic, leak
+        As in `acquire.pipeline.Options`.
+    with_harmonics
+        Whether they are wanted.
+
+    Returns
+    -------
+    Name of the file in `parked`.
+    """
+    stack = Stack(Session.open(Path(session)), Demosaic(demosaic))
+    group = stack.groups[index]
+    folder = Path(parked)
+    dark, lit = (_parked_image(folder / f"{name}.npy") for name in ("dark", "lit"))
+    heard: list[PitchHarmonics] = []
+
+    def listen(values: Image, pattern: Pattern) -> None:
+        if not with_harmonics:
+            return
+        if not heard:
+            height, width, colours = values.shape
+            design = PitchDesign.of([frame.pattern for frame in group.frames])
+            heard.append(PitchHarmonics(design, (height, width, colours)))
+        heard[0].add(values, pattern)
+
+    found = LocalGatherer(leak, listen, lambda: None).gather_one(stack, group, dark, lit)
+    images: dict[str, NDArray[np.generic]] = {
+        "mean": found.mean,
+        "direct": found.separation.direct_light,
+        "global_": found.separation.global_light,
+        "sample": found.sample.frames.astype(np.float32),
+        "saturated": np.asarray(stack.saturated),
+    }
+    for one in heard:
+        images |= {"harmonics": one.harmonics, "total": one.total, "null": one.null}
+    name = f"{index:04d}-{uuid.uuid4().hex}.npz"
+    with storage(folder / name):
+        np.savez(folder / name, allow_pickle=False, **images)
+    return name
+
+
+def _parked_image(path: Path) -> Image | None:
+    if not path.exists():
+        return None
+    image: Image = np.load(path, allow_pickle=False)
+    return image
