@@ -41,8 +41,9 @@ def make(folder: Path) -> None:
     scene = 0.4 + 0.2 * np.sin(x / 90) * np.cos(y / 70) + 0.1 * chance.random(SHAPE)
     for k, name in enumerate(("white", *small.record.components)):
         stem = "white" if k == 0 else f"components/{name}"
-        light = scene * (1.0, 0.6, 0.1, 0.3)[k] + 0.01 * chance.standard_normal(SHAPE)
-        image = np.maximum(light, 0).astype(np.float32)[..., np.newaxis] * np.ones(3, np.float32)
+        image = 0.01 * chance.standard_normal((*SHAPE, 3), np.float32)
+        image += (scene * (1.0, 0.6, 0.1, 0.3)[k])[..., np.newaxis]
+        np.maximum(image, 0, out=image)
         write_tiff(folder / f"{stem}.tiff", image)
         if k:
             (folder / "deviations").mkdir(exist_ok=True)

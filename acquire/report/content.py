@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from acquire.remix import Preset, presets
 from acquire.report import settings
 from acquire.report.figures import (
+    RGB_LINES,
     Drawing,
     convergence_drawing,
     finite,
@@ -14,6 +16,7 @@ from acquire.report.figures import (
     mixing_drawing,
     pca_drawing,
 )
+from acquire.report.live import Live, live_of
 from acquire.report.pictures import LARGE_PX, SMALL_PX, reduction
 from acquire.report.plates import (
     ComponentPlate,
@@ -74,6 +77,9 @@ class Content:
     components: tuple[ComponentPlate, ...]
     pitches: tuple[PitchPlate, ...]
     mask: MaskPlate
+    live: Live
+    presets: tuple[Preset, ...]
+    key: tuple[str, str, str]
     drawings: Drawings
     redo: Redo
     record: ResultRecord
@@ -105,6 +111,9 @@ def content_of(result: Result) -> Content:
         ),
         pitches=pitches,
         mask=mask_plate(result, white.gain),
+        live=live_of(result, white.gain),
+        presets=presets(record.components),
+        key=RGB_LINES,
         drawings=_drawings(record, white, pitches),
         redo=_redo(record, result.sha256),
         record=record,

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # Okabe and Ito, Color Universal Design (2008).
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
+# Lines that stand for red, green and blue.
+RGB_LINES = (PALETTE[4], PALETTE[2], PALETTE[0])
 WIDE = 30
 DASHES = ("-", "--", ":", "-.")
 INK, FAINT = "#22262b", "#8a9097"

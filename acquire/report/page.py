@@ -1,8 +1,12 @@
-"""The result as one HTML file that needs nothing else: no network, no script, no other file."""
+"""The result as one HTML file that needs nothing else: no network and no other file."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import math
+from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +17,31 @@ from acquire.result import Result
 from acquire.session.folder import write_durably
 
 PAGE = "report.html"
+SCRIPTS = ("light.js", "mixer.js", "remix.js", "probe.js", "scrubber.js", "page.js")
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """The only script that the page may run.
+
+    Parameters
+    ----------
+    text
+        All of `SCRIPTS`, in order.
+    hash
+        What the page's content security policy calls it.
+    """
+
+    text: str
+    hash: str
+
+    @classmethod
+    def read(cls) -> Script:
+        """Join the scripts that the package brings."""
+        folder = files("acquire.report") / "templates"
+        text = "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS)
+        digest = hashlib.sha256(text.encode()).digest()
+        return cls(text, f"sha256-{base64.b64encode(digest).decode()}")
 
 
 def write_report(result: Result) -> Path:
@@ -38,7 +67,7 @@ def render_page(template: str, content: object) -> str:
     )
     environment.filters["percent"] = percent
     environment.filters["factor"] = factor
-    return environment.get_template(template).render(page=content)
+    return environment.get_template(template).render(page=content, page_script=Script.read())
 
 
 def percent(fraction: float) -> str:

@@ -17,6 +17,7 @@ from acquire.tone import Tone, encode
 
 LARGE_PX, SMALL_PX = 648, 324
 PIXELATED_UP_TO_PX = 160
+BAND_PIXELS = 1 << 20
 
 # Okabe and Ito, Color Universal Design (2008): told apart with every kind of colour vision.
 UNLIT_RGB = np.array([0x56, 0xB4, 0xE9], np.uint8)
@@ -73,13 +74,33 @@ def reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float64]:
     -------
     (⌈height/factor⌉, ⌈width/factor⌉, 3), NaN where at least half of a block was not measured.
     """
-    measured = np.all(np.isfinite(image), axis=2)[..., np.newaxis]
-    weight = _block_sums(measured.astype(np.float64), factor)
-    area = _block_sums(np.ones(measured.shape), factor)
-    light: NDArray[np.float32] = np.where(measured, image, np.float32(0))
+    rows = factor * max(1, BAND_PIXELS // (factor * image.shape[1]))
+    bands = [
+        _reduced_band(image[top : top + rows], factor) for top in range(0, image.shape[0], rows)
+    ]
+    return np.concatenate(bands)
+
+
+def _reduced_band(image: NDArray[np.float32], factor: int) -> NDArray[np.float64]:
+    height, width = image.shape[:2]
+    area = np.multiply.outer(_block_sides(height, factor), _block_sides(width, factor))
+    measured: NDArray[np.bool_] = np.all(np.isfinite(image), axis=2)
+    if measured.all():
+        return _block_sums(image, factor) / area[..., np.newaxis]
+    weight = _block_sums(measured[..., np.newaxis], factor)
+    light: NDArray[np.float32] = np.where(measured[..., np.newaxis], image, np.float32(0))
     total = _block_sums(light, factor)
-    usable = 2 * weight > area
+    usable = 2 * weight > area[..., np.newaxis]
     return np.where(usable, total / np.maximum(weight, 1), np.nan)
+
+
+def _block_sides(length: int, factor: int) -> NDArray[np.float64]:
+    return np.diff(np.append(np.arange(0, length, factor), length)).astype(np.float64)
+
+
+def block_any(flags: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+    """Whether any pixel of a block of factor × factor has its flag set; (height, width)."""
+    return _block_sums(flags[..., np.newaxis], factor)[..., 0] > 0
 
 
 def _block_sums(image: NDArray[np.generic], factor: int) -> NDArray[np.float64]:
@@ -137,7 +158,7 @@ def mask_map(
         (PixelClass.UNLIT, UNLIT_RGB),
         (PixelClass.SATURATED, SATURATED_RGB),
     ):
-        hit = _block_sums((mask == pixel_class)[..., np.newaxis], factor) > 0
+        hit = block_any(mask == pixel_class, factor)[..., np.newaxis]
         pixels = np.where(hit, colour, pixels)
     return _picture(pixels, alt)
 

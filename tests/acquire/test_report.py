@@ -5,9 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
-import os
 import re
-import shutil
 import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
@@ -16,6 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import Playwright
 from pydantic import JsonValue
 
 from acquire.remix import SATURATED_RGB
@@ -28,6 +27,7 @@ from acquire.result import PixelClass, Result, write_tiff
 from acquire.session.records import RunRecord, SourceRecord, Transfer
 from acquire.tone import encode
 from processing.patterns import Family
+from tests.acquire.browsers import opened
 from tests.acquire.result_folders import SIM, write_result
 
 HOSTILE = "<script>alert('x')</script>\"><img src=https://example.org/x onerror=alert(1)>"
@@ -44,6 +44,7 @@ class Page(HTMLParser):
         self.handlers: list[str] = []
         self.images: dict[str, str] = {}
         self.csp = ""
+        self.scripts: list[str] = []
         self._words: list[str] = []
         self._style = False
         self.feed(text)
@@ -61,7 +62,9 @@ class Page(HTMLParser):
             self.images[values["alt"]] = values["src"]
         if values.get("http-equiv") == "Content-Security-Policy":
             self.csp = values["content"]
-        self._style = tag == "style"
+        self._style = tag in {"style", "script"}
+        if tag == "script":
+            self.scripts.append(values.get("type", ""))
 
     def handle_data(self, data: str) -> None:
         if not self._style:
@@ -94,6 +97,7 @@ def test_page_refers_to_nothing_outside_itself(tmp_path: Path) -> None:
     assert "url(" not in text
     assert "@import" not in text
     assert page.csp.startswith("default-src 'none'; img-src data:; style-src 'unsafe-inline'")
+    assert re.search("; script-src 'sha256-[A-Za-z0-9+/]{43}='; ", page.csp)
     assert page.tags.count("h1") == 1
 
 
@@ -121,7 +125,9 @@ def test_text_of_strangers_stays_text(tmp_path: Path) -> None:
         versions={HOSTILE: HOSTILE},
     )
     page = page_of(result)
-    assert "script" not in page.tags
+    # Ours, which the policy knows by its digest, and data.
+    assert page.scripts.count("module") == 1
+    assert set(page.scripts) == {"module", "application/json", "application/octet-stream"}
     assert page.handlers == []
     assert all(address.startswith("data:image/") for address in page.addresses)
     assert page.text.count("<script>alert('x')</script>") >= 10
@@ -302,32 +308,8 @@ def test_percent(fraction: float, expected: str) -> None:
     assert percent(fraction) == f"{expected}\u202f%"
 
 
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-
-
-@pytest.fixture
-def chromium() -> str:
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = next(filter(None, map(shutil.which, names)), None)
-    if found is None and os.environ.get("CI") == "true":
-        pytest.fail(f"CI must have a browser: none of {', '.join(names)} is on the path")
-    if found is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
-    return found
-
-
 @pytest.mark.browser
-def test_page_in_a_browser(tmp_path: Path, chromium: str) -> None:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+def test_page_in_a_browser(tmp_path: Path, playwright: Playwright, chromium: str) -> None:
     families = (Family.STRIPES_COLUMNS, Family.STRIPES_ROWS)
     result = write_result(
         tmp_path / "r",
@@ -338,21 +320,12 @@ def test_page_in_a_browser(tmp_path: Path, chromium: str) -> None:
         warnings=(HOSTILE, "w" * 300),
     )
     uri = write_report(result).as_uri()
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        complaints: list[str] = []
-        requested: list[str] = []
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("request", lambda request: requested.append(request.url))
-        page.goto(uri)
+    with opened(playwright, chromium, uri) as visit:
         for width_px in (1280, 400):
-            page.set_viewport_size({"width": width_px, "height": 800})
-            assert page.evaluate("document.documentElement.scrollWidth") <= width_px
+            visit.page.set_viewport_size({"width": width_px, "height": 800})
+            assert visit.page.evaluate("document.documentElement.scrollWidth") <= width_px
         broken = "[...document.images].filter(image => !image.complete || !image.naturalWidth)"
-        assert page.evaluate("document.images.length") > 20
-        assert page.evaluate(f"{broken}.map(image => image.alt)") == []
-        assert complaints == []
-        assert {address for address in requested if not re.match("data:image/", address)} == {uri}
-        browser.close()
+        assert visit.page.evaluate("document.images.length") > 20
+        assert visit.page.evaluate(f"{broken}.map(image => image.alt)") == []
+        assert visit.complaints == []
+        assert {a for a in visit.requested if not re.match("data:image/", a)} == {uri}
