@@ -10,7 +10,7 @@ variances along both diagonals may differ, as those of the two green pixels of a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,16 +39,20 @@ class Blur:
     skew_px2
         Covariance between them: the variance of (y + x)/√2 is side + skew, of (y − x)/√2 side −
         skew.
+    box_px
+        Width of a camera pixel on the projector: as far as the variance allows, the blur is
+        uniform over that width. 0 where it is unknown.
     """
 
     side_px2: float
     skew_px2: float = 0.0
+    box_px: float = 0.0
 
     def widened(self, further_px2: NDArray[np.float64]) -> Blur:
         """With more variance along (y + x)/√2 and (y − x)/√2, nowhere below 0."""
         side_px2 = max(self.side_px2 + float(further_px2.mean()), 0.0)
         skew_px2 = self.skew_px2 + float(further_px2[0] - further_px2[1]) / 2
-        return Blur(side_px2, min(max(skew_px2, -side_px2), side_px2))
+        return replace(self, side_px2=side_px2, skew_px2=min(max(skew_px2, -side_px2), side_px2))
 
     def diagonal_gain(self, pitch_px: NDArray[np.float64]) -> NDArray[np.float64]:
         """Factor of Z⁺ that the skew makes, and inverse of that of Z⁻; (pitches,)."""

@@ -85,6 +85,34 @@ def decode(
     return Correspondence(places, coherence)
 
 
+def decode_residual(
+    harmonics: NDArray[np.complex64],
+    designs: Sequence[PitchDesign],
+    tables: Sequence[ResponseTables],
+    projector_px: tuple[int, int],
+) -> NDArray[np.float64]:
+    """Rough places of what is left of the light, (2, n, colours), fine pitches before coarse ones.
+
+    Parameters as for `decode`; of what travelled far only coarse pitches know.
+    """
+    pitch_px = tables[0].pitch_px
+    weights = (pitch_px.min() / pitch_px).astype(np.float32)
+    together = harmonics.sum(axis=-1) * weights[:, np.newaxis, np.newaxis]
+    rough, _ = _coarse(together, designs, projector_px)
+    return np.repeat(rough[..., np.newaxis], harmonics.shape[-1], axis=-1)
+
+
+def refined(
+    harmonics: NDArray[np.complex64],
+    tables: Sequence[ResponseTables],
+    start: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Fine step alone, from given places, (2, n, colours), the same for all colours."""
+    middle = tables[len(tables) // 2]
+    place = _fine(harmonics.sum(axis=-1), middle, start.mean(axis=-1), 0.0, _JOINT_STEPS)
+    return np.repeat(place[..., np.newaxis], harmonics.shape[-1], axis=-1)
+
+
 def _coarse(
     harmonics: NDArray[np.complexfloating],
     designs: Sequence[PitchDesign],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ _SHARP_PX2 = 0.3
 # Darker pixels, relative to the brightest, say nothing about blur.
 _BRIGHT_FRACTION = 0.05
 _BINS = 32
+# A sharp picture's blur is all camera pixel, wider where surfaces are seen askew.
+_BOX_MARGIN = 1.15
 
 NOISE_UNKNOWN = (
     "no pitch holds complementary pairs of frames, so the noise is unknown; the standard errors "
@@ -40,10 +42,22 @@ class Sample:
         complex64, (pitches, 2, n, colours), constant light subtracted.
     white
         float32, (n, colours).
+    usable
+        bool, (rows, columns): which pixels of a lattice over the picture they are.
+    stride_px
+        Of the lattice.
     """
 
     harmonics: NDArray[np.complex64]
     white: Image
+    usable: NDArray[np.bool_]
+    stride_px: int
+
+    def projector_px_per_px(self, places_px: Array) -> float:
+        """Distance on the projector between neighbouring camera pixels, from (2, n) places."""
+        spread = np.full((2, *self.usable.shape), np.nan)
+        spread[:, self.usable] = places_px
+        return projector_px_per_px(spread, self.usable) / self.stride_px
 
 
 def measured_blur(
@@ -57,8 +71,9 @@ def measured_blur(
     bright = sample.white > _BRIGHT_FRACTION * np.percentile(sample.white, 99.5)
     unsure = False
     for _ in range(_BLUR_ROUNDS):
-        tables = [ResponseTables.of(stack.designs, [0.0], one.side_px2) for one in blur]
+        tables = tables_for(stack, blur, np.zeros(1))
         places = decode(sample.harmonics, stack.designs, tables, stack.projector_px)
+        box_px = sample.projector_px_per_px(places.place_px.mean(axis=-1))
         unsure = False
         for colour, (one, table) in enumerate(zip(blur, tables, strict=True)):
             lit = bright[:, colour]
@@ -68,8 +83,26 @@ def measured_blur(
             further, confirmed = further_blur(measured, table.pitch_px, white)
             unsure |= not confirmed
             if not np.isnan(further).any():
-                blur[colour] = one.widened(further)
+                blur[colour] = replace(one.widened(further), box_px=_BOX_MARGIN * box_px)
     return tuple(blur), (BLUR_UNSURE,) if unsure else ()
+
+
+def projector_px_per_px(places_px: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
+    """Typical distance on the projector between neighbouring pixels.
+
+    Parameters
+    ----------
+    places_px
+        (2, height, width), y and x.
+    mask
+        bool, (height, width), where they are known.
+    """
+    both = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:]
+    if not both.any():
+        return 1.0
+    down = np.diff(places_px, axis=1)[:, :, :-1][:, both]
+    right = np.diff(places_px, axis=2)[:, :-1][:, both]
+    return max(float(np.median(np.sqrt(np.sum(down**2 + right**2, axis=0) / 2))), 0.1)
 
 
 def noise_lines(variance: Image | None, white: Image, mask: NDArray[np.bool_]) -> Array:
@@ -121,4 +154,6 @@ def tables_for(
     stack: HarmonicsStack, blur: Sequence[Blur], spread_px: Array
 ) -> tuple[ResponseTables, ...]:
     """Tables of all spreads, one for each colour."""
-    return tuple(ResponseTables.of(stack.designs, spread_px, one.side_px2) for one in blur)
+    return tuple(
+        ResponseTables.of(stack.designs, spread_px, one.side_px2, one.box_px) for one in blur
+    )

@@ -184,6 +184,13 @@ def _between(table, index, part, spread):  # type: ignore[no-untyped-def]
     return table[index, spread] * (1 - part) + table[index + 1, spread] * part
 
 
+@njit(cache=True, fastmath=True)
+def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
+    """T of a spread at a place; `first` is the bin where the pitch begins."""
+    index, part = _bin(place, period)
+    return _between(table, first + index, part, spread)
+
+
 @njit(parallel=True, cache=True)
 def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
     n_pixels, n_pitches, _ = harmonics.shape

@@ -26,8 +26,16 @@ from numpy.typing import NDArray
 from processing.accounts import Account, opaque, spread_grid, translucent
 from processing.blur import Blur
 from processing.correspondence import Correspondence, decode
+from processing.depth_edges import Setting, fit_two_places, near_jumps, seen_beside
 from processing.gathering import HarmonicsStack
-from processing.optics import NOISE_UNKNOWN, Sample, measured_blur, noise_lines, tables_for
+from processing.optics import (
+    NOISE_UNKNOWN,
+    Sample,
+    measured_blur,
+    noise_lines,
+    projector_px_per_px,
+    tables_for,
+)
 from processing.range_decomposition import (
     Capture,
     Fits,
@@ -57,6 +65,12 @@ class _Optics:
     noise_gains: Array
     accounts: tuple[Account, Account]
 
+    def variance(self, light: Array) -> Array:
+        """Of a frame's noise at (n, colours) of white light; 0 where it is unknown."""
+        constant, rise = np.nan_to_num(self.noise).T
+        variance: Array = constant + rise * np.maximum(light, 0)
+        return variance
+
 
 def decompose_ranges(
     stack: HarmonicsStack, mask: NDArray[np.bool_], *, blur: Sequence[Blur] | None = None
@@ -76,7 +90,12 @@ def decompose_ranges(
     _check(mask, white, blur)
     spaced = lattice(mask.shape)
     sampled = mask[spaced]
-    sample = Sample(stack.harmonics(white, spaced[0])[:, :, sampled], white[spaced][sampled])
+    sample = Sample(
+        stack.harmonics(white, spaced[0])[:, :, sampled],
+        white[spaced][sampled],
+        sampled,
+        spaced[0].step,
+    )
     noise = noise_lines(stack.noise_variance(), white, mask)
     warnings: tuple[str, ...] = (NOISE_UNKNOWN,) if np.isnan(noise).any() else ()
     if blur is None:
@@ -88,7 +107,11 @@ def decompose_ranges(
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     optics = _Optics(tuple(blur), tables, noise, gains, accounts)
     fits, coherence, places = _fit_blocks(stack, white, mask, optics)
-    least_px = _CREASE_PITCHES * pitch_px.min() / _projector_px_per_px(places, mask)
+    scale_px = projector_px_per_px(places, mask)
+    settled = _settle_edges(
+        stack, white, near_jumps(places, mask, scale_px), places, scale_px, optics, fits
+    )
+    least_px = _CREASE_PITCHES * pitch_px.min() / scale_px
     found = translucent_map(fits.gain, mask, least_px)
     if not all(design.is_grid for design in stack.designs):
         found[:] = False
@@ -104,7 +127,7 @@ def decompose_ranges(
         noise=np.sqrt(noise @ half_lit),
     )
     _, spectra = _fitted(stack, sample.harmonics, sample.white, optics)
-    return assemble(capture, fits, found, spectra, warnings + _cautions(coherence[mask]))
+    return assemble(capture, fits, found, spectra, warnings + _cautions(coherence[mask & ~settled]))
 
 
 def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -> None:
@@ -133,14 +156,39 @@ def _fit_blocks(
     return fits, coherence, places_px
 
 
-def _projector_px_per_px(places_px: Image, mask: NDArray[np.bool_]) -> float:
-    """Typical distance on the projector between neighbouring camera pixels."""
-    both = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:]
-    if not both.any():
-        return 1.0
-    down = np.diff(places_px, axis=1)[:, :, :-1][:, both]
-    right = np.diff(places_px, axis=2)[:, :-1][:, both]
-    return max(float(np.median(np.sqrt(np.sum(down**2 + right**2, axis=0) / 2))), 0.1)
+def _settle_edges(
+    stack: HarmonicsStack,
+    white: Image,
+    suspects: NDArray[np.bool_],
+    places_px: Image,
+    scale_px: float,
+    optics: _Optics,
+    fits: RivalFits,
+) -> NDArray[np.bool_]:
+    """Give pixels that see two places the direct light of both; True where that was done."""
+    setting = Setting(
+        stack.designs, stack.projector_px, optics.tables, optics.blur, optics.noise_gains
+    )
+    settled = np.zeros(suspects.shape, bool)
+    for lines in blocks(suspects.shape):
+        chosen = suspects[lines]
+        if not chosen.any():
+            continue
+        harmonics = stack.harmonics(white, lines)[:, :, chosen]
+        light = white[lines][chosen].astype(np.float64)
+        places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
+        two = fit_two_places(setting, harmonics, places, light, optics.variance(light))
+        pixels = np.stack(np.nonzero(chosen))
+        pixels[0] += lines.start
+        found = two.found & seen_beside(places_px, pixels, two.second_px, scale_px)
+        pixels = pixels[:, found]
+        fits.correct(
+            pixels,
+            two.direct_light[found].astype(np.float32),
+            two.deviations[found].astype(np.float32),
+        )
+        settled[pixels[0], pixels[1]] = True
+    return settled
 
 
 def _fitted(
@@ -149,14 +197,13 @@ def _fitted(
     """Places of n pixels, and both accounts of each colour."""
     places = decode(harmonics, stack.designs, optics.tables, stack.projector_px)
     fits = []
+    variance = optics.variance(white.astype(np.float64))
     for colour, (tables, blur) in enumerate(zip(optics.tables, optics.blur, strict=True)):
         light = white[:, colour].astype(np.float64)
-        constant, rise = np.nan_to_num(optics.noise[colour])
-        variance = constant + rise * np.maximum(light, 0)
         fits.append(
             fit_places(
                 harmonics[..., colour], places.place_px[..., colour], tables, blur,
-                optics.accounts, light, variance, optics.noise_gains,
+                optics.accounts, light, variance[:, colour].copy(), optics.noise_gains,
             )
         )  # fmt: skip
     return places, fits

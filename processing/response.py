@@ -3,9 +3,10 @@
 A camera pixel that sees the place (y, x) through a spread of variance σ² a side sees, instead of
 the code of a checker, s(y + d) s(x + r) with the square wave
 
-    s(t) = Σ_{m odd} 4/(πm) exp(−½ (πmσ/P)²) sin(πm (t + ½)/P),
+    s(t) = Σ_{m odd} 4/(πm) sinc(mw/2P) exp(−½ (πmσ/P)²) sin(πm (t + ½)/P),
 
-(+½: the edge of pixel 0 lies at −½), and for sinusoids one cosine in its place. Over a grid of
+(+½: the edge of pixel 0 lies at −½; w is the width of the camera pixel on the projector, sinc(x) =
+sin(πx)/πx), and for sinusoids one cosine in its place. Over a grid of
 shifts the harmonics of `processing.harmonics` are therefore products of two tables,
 
     Z⁺ = T(y) T(x),   Z⁻ = T(y) T(x)*,   T(t) = Σ_d s(t + d) e^{iπd/P},
@@ -46,8 +47,9 @@ class ResponseTables:
         (pitches,).
     spread_px
         (spreads,), standard deviations; the first, 0, is light that does not travel.
-    blur_px2
-        Variance a side of the blur that everything is seen through.
+    blur_px2, box_px
+        Variance a side of the blur that everything is seen through, and the width of the uniform
+        part of it.
     """
 
     down: NDArray[np.complex128]
@@ -58,6 +60,7 @@ class ResponseTables:
     pitch_px: NDArray[np.float64]
     spread_px: NDArray[np.float64]
     blur_px2: float
+    box_px: float
 
     @classmethod
     def of(
@@ -65,6 +68,7 @@ class ResponseTables:
         designs: Sequence[PitchDesign],
         spread_px: Sequence[float] | NDArray[np.float64],
         blur_px2: float,
+        box_px: float = 0.0,
     ) -> ResponseTables:
         """Tables for all pitches of a session.
 
@@ -76,11 +80,15 @@ class ResponseTables:
             Standard deviations in projector pixels, the first 0.
         blur_px2
             Variance of the blur along either axis, in projector pixels squared, ≥ 0.
+        box_px
+            Width of the part of the blur that a camera pixel makes: its weight is uniform, not
+            Gaussian. Cut to what the variance allows, w²/12.
         """
         spreads = np.asarray(spread_px, np.float64)
-        sigma = np.sqrt(spreads**2 + blur_px2)
-        down = [_table(design, sigma, down=True) for design in designs]
-        right = [_table(design, sigma, down=False) for design in designs]
+        box_px = min(box_px, float(np.sqrt(12 * blur_px2)))
+        footprint = _Footprint(np.sqrt(spreads**2 + max(blur_px2 - box_px**2 / 12, 0.0)), box_px)
+        down = [_table(design, footprint, down=True) for design in designs]
+        right = [_table(design, footprint, down=False) for design in designs]
         sizes = [len(table) for table in down]
         return cls(
             np.concatenate(down),
@@ -91,6 +99,7 @@ class ResponseTables:
             np.array([design.pitch_px for design in designs], np.float64),
             spreads,
             blur_px2,
+            box_px,
         )
 
     def mean_response(self) -> NDArray[np.float64]:
@@ -117,23 +126,35 @@ def carrier(design: PitchDesign, *, down: bool) -> complex:
     return 1j if design.family.is_binary else complex(np.exp(0.5j * np.pi / design.pitch_px))
 
 
-def _table(
-    design: PitchDesign, sigma: NDArray[np.float64], *, down: bool
-) -> NDArray[np.complex128]:
+@dataclass(frozen=True, slots=True)
+class _Footprint:
+    """A box, and a Gaussian of standard deviation `sigma_px` for each spread."""
+
+    sigma_px: NDArray[np.float64]
+    box_px: float
+
+    def transform(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(rates, spreads), rates in radians a pixel."""
+        box = np.sinc(rates * self.box_px / (2 * np.pi))
+        reach: NDArray[np.float64] = np.exp(-0.5 * np.outer(rates, self.sigma_px) ** 2)
+        return reach * box[:, np.newaxis]
+
+
+def _table(design: PitchDesign, footprint: _Footprint, *, down: bool) -> NDArray[np.complex128]:
     """(bins, spreads) of one pitch along one axis."""
     pitch_px = design.pitch_px
     places = np.arange(2 * pitch_px * BINS_PER_PX + 1) / BINS_PER_PX
     if not (design.family.varies_down if down else design.family.varies_right):
-        return np.ones((len(places), len(sigma)), np.complex128)
+        return np.ones((len(places), len(footprint.sigma_px)), np.complex128)
     if not design.is_grid:
         both = design.family is Family.CHECKER
         count = len(design.patterns)
         size = np.sqrt(count) / 2 if both else count / 2
         phase = np.exp(-1j * np.pi * places / pitch_px) * carrier(design, down=down)
-        return np.outer(phase, size * _amplitudes(design, sigma, np.ones(1))[0])
+        return np.outer(phase, size * _amplitudes(design, footprint, np.ones(1))[0])
     shifts = sorted({p.shift_y_px if down else p.shift_x_px for p in design.patterns})
-    wave = _wave(design, places[:-1], sigma)
-    table = np.zeros((len(places), len(sigma)), np.complex128)
+    wave = _wave(design, places[:-1], footprint)
+    table = np.zeros((len(places), len(footprint.sigma_px)), np.complex128)
     for shift_px in shifts:
         turn = np.exp(1j * np.pi * shift_px / pitch_px)
         table[:-1] += turn * np.roll(wave, -shift_px * BINS_PER_PX, axis=0)
@@ -150,10 +171,10 @@ def _phase_slope(table: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 
 def _amplitudes(
-    design: PitchDesign, sigma: NDArray[np.float64], orders: NDArray[np.float64]
+    design: PitchDesign, footprint: _Footprint, orders: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(orders, spreads) amplitudes of the wave's harmonics."""
-    reach = np.exp(-0.5 * np.outer(np.pi * orders / design.pitch_px, sigma) ** 2)
+    reach = footprint.transform(np.pi * orders / design.pitch_px)
     if design.family.is_binary:
         return reach * (4 / (np.pi * orders))[:, np.newaxis]
     # A projector pixel holds one value: the cosine is averaged over its width.
@@ -161,12 +182,12 @@ def _amplitudes(
 
 
 def _wave(
-    design: PitchDesign, places: NDArray[np.float64], sigma: NDArray[np.float64]
+    design: PitchDesign, places: NDArray[np.float64], footprint: _Footprint
 ) -> NDArray[np.float64]:
     """s(t), (places, spreads), t counted from the edge of the raster."""
     if not design.family.is_binary:
         phase = np.pi * (places - 0.5) / design.pitch_px
-        return np.outer(np.cos(phase), _amplitudes(design, sigma, np.ones(1))[0])
+        return np.outer(np.cos(phase), _amplitudes(design, footprint, np.ones(1))[0])
     orders = np.arange(1, min(8 * design.pitch_px, _MOST_HARMONICS), 2).astype(np.float64)
     waves = np.sin(np.pi * np.outer(places, orders) / design.pitch_px)
-    return waves @ _amplitudes(design, sigma, orders)
+    return waves @ _amplitudes(design, footprint, orders)

@@ -62,6 +62,23 @@ class RivalFits:
                 self._parts[account][:, lines, :, colour][:, chosen] = values.T
             self.gain[lines][chosen] += (pair[0].chi2 - pair[1].chi2).astype(np.float32)
 
+    def correct(self, pixels: NDArray[np.int64], direct: Image, deviations: Image) -> None:
+        """Put in direct light that another account found; such pixels have no vote.
+
+        Parameters
+        ----------
+        pixels
+            (2, n): rows and columns.
+        direct, deviations
+            (n, colours): the light and its standard error, which is that of the rest as well.
+        """
+        rows, columns = pixels
+        for parts in self._parts:
+            parts[0, rows, columns] = direct
+            parts[2, rows, columns] = deviations
+            parts[4, rows, columns] = np.maximum(parts[4, rows, columns], deviations)
+        self.gain[rows, columns] = 0
+
     def components(self, found: NDArray[np.bool_], white: Image) -> tuple[Image, Image]:
         """Direct, subsurface, inter-reflection and their standard errors, (3, h, w, c) each.
 

@@ -1,0 +1,544 @@
+"""A small path tracer that traces light once and answers for every pattern.
+
+Each path from the camera is connected, at every place where light scatters, to the projector: the
+projector pixel that it meets there, what it carries and by which way it came (direct, below the
+surface of one translucent object, anything else) are all that a pattern needs. Frames are summed
+while paths are traced, so neither paths nor a transport matrix are stored, and the parts of the
+light are exact for the frames, whatever the number of paths.
+
+Scenes are made of ellipsoids, boxes and cylinders, each Lambertian with a texture, with a glossy
+lobe (modified Phong, energy-conserving), or translucent: a Lambertian coat over a homogeneous,
+isotropically scattering medium, walked at random. Its boundary is either matched in index (light
+passes straight) or rough (light enters and leaves with a cosine distribution).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from processing.patterns import Pattern
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+Vector = tuple[float, float, float]
+
+SPHERE, BOX, CYLINDER = 0, 1, 2
+UNIFORM, CHECKS, WAVES = 0, 1, 2
+_EPSILON = 1e-5
+_LONGEST = 600
+_BOUNCES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """One object.
+
+    Parameters
+    ----------
+    shape
+        Unit sphere, cube (−1..1 each way) or cylinder (radius 1, −1..1 along y).
+    centre, size, turn_rad
+        Scaled by `size`, turned about y, x and z in this order, then moved.
+    colours
+        Two albedos, RGB, between which the texture alternates.
+    texture, scale
+        Kind, and its repeats a unit of length.
+    gloss, exponent
+        Share of the glossy lobe, and its Phong exponent.
+    extinction
+        Of the medium inside, per unit of length; 0 for opaque solids.
+    medium
+        Single-scattering albedo, RGB.
+    coat
+        Share of light that a translucent solid scatters at its surface.
+    is_matched
+        The medium's boundary does not bend light.
+    """
+
+    shape: int
+    centre: Vector
+    size: Vector
+    turn_rad: Vector = (0.0, 0.0, 0.0)
+    colours: tuple[Vector, Vector] = ((0.7, 0.7, 0.7), (0.7, 0.7, 0.7))
+    texture: int = UNIFORM
+    scale: float = 4.0
+    gloss: float = 0.0
+    exponent: float = 30.0
+    extinction: float = 0.0
+    medium: Vector = (0.0, 0.0, 0.0)
+    coat: float = 1.0
+    is_matched: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A pinhole camera or projector that looks at a point.
+
+    Parameters
+    ----------
+    place, target
+        Where it stands and looks.
+    half_width
+        Tangent of half the horizontal angle of view.
+    pixels
+        (height, width).
+    """
+
+    place: Vector
+    target: Vector
+    half_width: float
+    pixels: tuple[int, int]
+
+    def frame(self) -> Array:
+        """Rows: place, right, down, forward, (half width, height, width)."""
+        place, target = np.array(self.place), np.array(self.target)
+        forward = (target - place) / np.linalg.norm(target - place)
+        right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
+        right /= np.linalg.norm(right)
+        down = np.cross(forward, right)
+        last = np.array([self.half_width, *self.pixels], np.float64)
+        return np.stack([place, right, down, forward, last])
+
+
+@dataclass(frozen=True, slots=True)
+class Scenery:
+    """Objects, camera and projector."""
+
+    solids: Sequence[Solid]
+    camera: View
+    projector: View
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """What the camera sees.
+
+    Parameters
+    ----------
+    patterns
+        m of them.
+    contrast
+        float32, (height, width, 3, m): the frame of a pattern is ½ (white + contrast).
+    truth
+        Direct light, subsurface scattering and inter-reflection, (height, width, 3) each.
+    """
+
+    patterns: tuple[Pattern, ...]
+    contrast: Image
+    truth: dict[str, Image] = field(default_factory=dict)
+
+    @property
+    def white(self) -> Image:
+        total: Image = np.sum(list(self.truth.values()), axis=0)
+        return total
+
+    def frame(self, index: int) -> Image:
+        """Frame of one pattern, float32, (height, width, 3)."""
+        seen: Image = np.float32(0.5) * (self.white + self.contrast[..., index])
+        return seen
+
+
+def render(
+    scenery: Scenery, patterns: Sequence[Pattern], paths: int, blur_px: float = 0.0
+) -> Rendered:
+    """Trace `paths` (a square number) through every camera pixel.
+
+    Parameters
+    ----------
+    scenery
+        What is seen.
+    patterns
+        No white and no black among them.
+    paths
+        Through each pixel.
+    blur_px
+        Standard deviation of the projector's blur, in projector pixels.
+    """
+    height, width = scenery.camera.pixels
+    down, right = wave_tables(patterns, scenery.projector.pixels, blur_px)
+    contrast = np.zeros((height * width, 3, len(patterns)), np.float32)
+    truth = np.zeros((3, height * width, 3))
+    _trace(
+        solid_table(scenery.solids), scenery.camera.frame(), scenery.projector.frame(), down,
+        right, round(np.sqrt(paths)), scenery.seed, contrast, truth,
+    )  # fmt: skip
+    names = ("direct", "subsurface", "interreflection")
+    parts = {
+        name: part.reshape(height, width, 3).astype(np.float32)
+        for name, part in zip(names, truth, strict=True)
+    }
+    return Rendered(tuple(patterns), contrast.reshape(height, width, 3, -1), parts)
+
+
+def wave_tables(
+    patterns: Sequence[Pattern], pixels: tuple[int, int], blur_px: float
+) -> tuple[Image, Image]:
+    """2·code − 1 = down·right of every pattern, (height, m) and (width, m)."""
+    tables = []
+    for axis in range(2):
+        waves = []
+        for pattern in patterns:
+            varies = (pattern.family.varies_down, pattern.family.varies_right)
+            if not varies[axis]:
+                waves.append(np.ones(pixels[axis]))
+                continue
+            # Beyond the raster there is no light, so blur is that of the unbounded pattern.
+            pad = 4 * int(np.ceil(blur_px)) * 2 * pattern.pitch_px
+            shift = (pattern.shift_y_px, pattern.shift_x_px)[axis]
+            at = np.arange(-pad, pixels[axis] + pad) + shift
+            if pattern.family.is_binary:
+                wave = np.where(at // pattern.pitch_px % 2 == 0, 1.0, -1.0)
+            else:
+                wave = np.cos(np.pi * at / pattern.pitch_px)
+            if blur_px:
+                wave = ndimage.gaussian_filter1d(wave, blur_px, truncate=5)
+            waves.append(wave[pad : len(wave) - pad])
+        tables.append(np.ascontiguousarray(np.stack(waves, axis=1), np.float32))
+    return tables[0], tables[1]
+
+
+def solid_table(solids: Sequence[Solid]) -> Array:
+    """One row a solid, see the columns in `_trace` and below."""
+    rows = []
+    for one in solids:
+        inverse = _rotation(one.turn_rad).T / np.array(one.size)[:, np.newaxis]
+        optics = [one.texture, one.scale, one.gloss, one.exponent, one.extinction]
+        rows.append(
+            np.concatenate(
+                [
+                    [one.shape], one.centre, inverse.ravel(), one.colours[0], one.colours[1],
+                    optics, one.medium, [one.coat, float(one.is_matched)],
+                ]
+            )
+        )  # fmt: skip
+    return np.array(rows, np.float64)
+
+
+def _rotation(turn_rad: Vector) -> Array:
+    (cy, cx, cz), (sy, sx, sz) = np.cos(turn_rad), np.sin(turn_rad)
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    turned: Array = about_z @ about_x @ about_y
+    return turned
+
+
+# Columns of the table of solids.
+_CENTRE, _INVERSE, _COLOURS, _TEXTURE, _SCALE, _GLOSS, _EXPONENT = 1, 4, 13, 19, 20, 21, 22
+_EXTINCTION, _MEDIUM, _COAT, _MATCHED = 23, 24, 27, 28
+
+
+@njit(inline="always")
+def _unit_hit(shape, o, d):  # type: ignore[no-untyped-def]
+    """Nearest t > ε in the solid's own frame, and the normal there (not normalised)."""
+    n = (0.0, 0.0, 0.0)
+    best = np.inf
+    if shape == SPHERE:
+        a = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+        b = o[0] * d[0] + o[1] * d[1] + o[2] * d[2]
+        c = o[0] * o[0] + o[1] * o[1] + o[2] * o[2] - 1
+        root = b * b - a * c
+        if root > 0:
+            root = np.sqrt(root)
+            t = (-b - root) / a
+            if t < _EPSILON:
+                t = (-b + root) / a
+            if t > _EPSILON:
+                best = t
+                n = (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
+    elif shape == BOX:
+        near, far, axis_near, axis_far = -np.inf, np.inf, 0, 0
+        for k in range(3):
+            if abs(d[k]) < 1e-12:
+                if abs(o[k]) > 1:
+                    return np.inf, n
+                continue
+            t0, t1 = (-1 - o[k]) / d[k], (1 - o[k]) / d[k]
+            if t0 > t1:
+                t0, t1 = t1, t0
+            if t0 > near:
+                near, axis_near = t0, k
+            if t1 < far:
+                far, axis_far = t1, k
+        if near < far and far > _EPSILON:
+            best, axis = (near, axis_near) if near > _EPSILON else (far, axis_far)
+            side = 1.0 if o[axis] + best * d[axis] > 0 else -1.0
+            n = (
+                side if axis == 0 else 0.0,
+                side if axis == 1 else 0.0,
+                side if axis == 2 else 0.0,
+            )
+    else:
+        a = d[0] * d[0] + d[2] * d[2]
+        b = o[0] * d[0] + o[2] * d[2]
+        c = o[0] * o[0] + o[2] * o[2] - 1
+        root = b * b - a * c
+        if a > 1e-14 and root > 0:
+            root = np.sqrt(root)
+            for t in ((-b - root) / a, (-b + root) / a):
+                y = o[1] + t * d[1]
+                if _EPSILON < t < best and abs(y) < 1:
+                    best, n = t, (o[0] + t * d[0], 0.0, o[2] + t * d[2])
+        if abs(d[1]) > 1e-12:
+            for side in (-1.0, 1.0):
+                t = (side - o[1]) / d[1]
+                x, z = o[0] + t * d[0], o[2] + t * d[2]
+                if _EPSILON < t < best and x * x + z * z < 1:
+                    best, n = t, (0.0, side, 0.0)
+    return best, n
+
+
+@njit
+def _hit(solids, o, d):  # type: ignore[no-untyped-def]
+    """Nearest solid: t, its index (−1 for none), outward unit normal."""
+    best, which, normal = np.inf, -1, (0.0, 0.0, 0.0)
+    for k in range(len(solids)):
+        s = solids[k]
+        x, y, z = o[0] - s[1], o[1] - s[2], o[2] - s[3]
+        lo = (
+            s[4] * x + s[5] * y + s[6] * z,
+            s[7] * x + s[8] * y + s[9] * z,
+            s[10] * x + s[11] * y + s[12] * z,
+        )
+        ld = (
+            s[4] * d[0] + s[5] * d[1] + s[6] * d[2],
+            s[7] * d[0] + s[8] * d[1] + s[9] * d[2],
+            s[10] * d[0] + s[11] * d[1] + s[12] * d[2],
+        )
+        t, n = _unit_hit(int(s[0]), lo, ld)
+        if t < best:
+            best, which = t, k
+            normal = (
+                s[4] * n[0] + s[7] * n[1] + s[10] * n[2],
+                s[5] * n[0] + s[8] * n[1] + s[11] * n[2],
+                s[6] * n[0] + s[9] * n[1] + s[12] * n[2],
+            )
+    size = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-300
+    return best, which, (normal[0] / size, normal[1] / size, normal[2] / size)
+
+
+@njit(inline="always")
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(inline="always")
+def _along(o, d, t):  # type: ignore[no-untyped-def]
+    return (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
+
+
+@njit
+def _lobe(n, exponent):  # type: ignore[no-untyped-def]
+    """A direction with density ∝ cosᵉ about n; e = 1 is Lambert's."""
+    z = np.random.random() ** (1 / (exponent + 1))
+    phi = 2 * np.pi * np.random.random()
+    r = np.sqrt(max(1 - z * z, 0.0))
+    sign = 1.0 if n[2] >= 0 else -1.0
+    a = -1 / (sign + n[2])
+    b = n[0] * n[1] * a
+    x, y = r * np.cos(phi), r * np.sin(phi)
+    return (
+        x * (1 + sign * n[0] * n[0] * a) + y * b + z * n[0],
+        x * sign * b + y * (sign + n[1] * n[1] * a) + z * n[1],
+        -x * sign * n[0] - y * n[1] + z * n[2],
+    )
+
+
+@njit
+def _albedo(s, p, channel):  # type: ignore[no-untyped-def]
+    """Texture of a solid at a place, in the solid's directions but in units of length."""
+    first, second = s[_COLOURS + channel], s[_COLOURS + 3 + channel]
+    if s[_TEXTURE] == UNIFORM:
+        return first
+    x, y, z = s[_SCALE] * (p[0] - s[1]), s[_SCALE] * (p[1] - s[2]), s[_SCALE] * (p[2] - s[3])
+    if s[_TEXTURE] == CHECKS:
+        odd = (np.floor(x + 0.17) + np.floor(y + 0.31) + np.floor(z + 0.43)) % 2
+        return first if odd == 0 else second
+    wave = np.sin(5.1 * x + 2.3 * np.sin(3.7 * y + 1.3 * z)) + np.sin(
+        4.3 * y - 2.9 * z + 1.9 * np.sin(6.1 * x)
+    )
+    part = 0.5 + 0.25 * wave
+    return first * part + second * (1 - part)
+
+
+@njit
+def _projected(p, projector):  # type: ignore[no-untyped-def]
+    """Row and column of the projector pixel that lights a place, −1 for none; its distance²."""
+    v = (p[0] - projector[0, 0], p[1] - projector[0, 1], p[2] - projector[0, 2])
+    depth = _dot(v, projector[3])
+    if depth <= 0:
+        return -1, -1, 1.0
+    height, width = projector[4, 1], projector[4, 2]
+    pixel = 2 * projector[4, 0] / width
+    x = _dot(v, projector[1]) / depth / pixel + width / 2
+    y = _dot(v, projector[2]) / depth / pixel + height / 2
+    if x < 0 or y < 0 or x >= width or y >= height:
+        return -1, -1, 1.0
+    return int(y), int(x), _dot(v, v)
+
+
+@njit
+def _lit(solids, p, projector, inside):  # type: ignore[no-untyped-def]
+    """Direction to the projector, row, column, 1/distance² and, from inside, the way out.
+
+    The row is −1 where nothing arrives. `inside` is the solid that p lies in, −1 outside.
+    """
+    row, column, square = _projected(p, projector)
+    distance = np.sqrt(square)
+    w = (
+        (projector[0, 0] - p[0]) / distance,
+        (projector[0, 1] - p[1]) / distance,
+        (projector[0, 2] - p[2]) / distance,
+    )
+    way = 0.0
+    if row >= 0:
+        o = p
+        if inside >= 0:
+            way, which, _ = _hit(solids, p, w)
+            if which != inside:
+                return -1, -1, 0.0, w, 0.0
+            o = _along(p, w, way)
+        t, _, _ = _hit(solids, o, w)
+        if t < distance - way - _EPSILON:
+            row = -1
+    return row, column, 1 / square, w, way
+
+
+@njit(fastmath=True)
+def _deposit(contrast, down, right, red, green, blue):  # type: ignore[no-untyped-def]
+    for m in range(len(down)):
+        code = down[m] * right[m]
+        contrast[0, m] += red * code
+        contrast[1, m] += green * code
+        contrast[2, m] += blue * code
+
+
+@njit(parallel=True)
+def _trace(  # type: ignore[no-untyped-def]
+    solids, camera, projector, down, right, side, seed, contrast, truth
+):
+    height, width = int(camera[4, 1]), int(camera[4, 2])
+    for pixel in prange(height * width):
+        np.random.seed(seed * 1_000_003 + pixel)
+        sums = np.zeros((3, down.shape[1]), np.float32)
+        parts = np.zeros((3, 3))
+        row, column = pixel // width, pixel % width
+        for k in range(side * side):
+            scale = 2 * camera[4, 0] / width
+            x = (column + (k % side + np.random.random()) / side - width / 2) * scale
+            y = (row + (k // side + np.random.random()) / side - height / 2) * scale
+            norm = 1 / np.sqrt(1 + x * x + y * y)
+            d = (
+                norm * (camera[3, 0] + x * camera[1, 0] + y * camera[2, 0]),
+                norm * (camera[3, 1] + x * camera[1, 1] + y * camera[2, 1]),
+                norm * (camera[3, 2] + x * camera[1, 2] + y * camera[2, 2]),
+            )
+            o = (camera[0, 0], camera[0, 1], camera[0, 2])
+            _follow(solids, projector, down, right, o, d, 1 / (side * side), sums, parts)
+        contrast[pixel] = sums
+        truth[:, pixel] = parts
+
+
+@njit
+def _follow(solids, projector, down, right, o, d, share, sums, parts):  # type: ignore[no-untyped-def]
+    """One path; what it gathers goes to `sums` (colour, pattern) and `parts` (kind, colour)."""
+    carried = np.full(3, share)
+    given = np.zeros(3)
+    kind, inside, bounces = 0, -1, 0
+    for _ in range(_LONGEST):
+        t, which, n = _hit(solids, o, d)
+        if which < 0:
+            return
+        rough_exit = False
+        if inside >= 0:
+            s = solids[inside]
+            free = -np.log(1 - np.random.random()) / s[_EXTINCTION]
+            if free < t:
+                p = _along(o, d, free)
+                for c in range(3):
+                    carried[c] *= s[_MEDIUM + c]
+                if s[_MATCHED] > 0:
+                    row, column, fall, w, way = _lit(solids, p, projector, inside)
+                    if row >= 0:
+                        passed = (1 - s[_COAT]) * np.exp(-s[_EXTINCTION] * way)
+                        given[:] = carried * (passed * fall / (4 * np.pi))
+                        parts[kind] += given
+                        _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+                z = 2 * np.random.random() - 1
+                phi = 2 * np.pi * np.random.random()
+                r = np.sqrt(max(1 - z * z, 0.0))
+                o, d = p, (r * np.cos(phi), r * np.sin(phi), z)
+                if not _survives(carried, share):
+                    return
+                continue
+            p = _along(o, d, t)
+            if np.random.random() < s[_COAT]:
+                o, d = p, _lobe((-n[0], -n[1], -n[2]), 1.0)
+                continue
+            inside = -1
+            if s[_MATCHED] > 0:
+                kind, o = 2, p
+                continue
+            rough_exit = True
+        else:
+            p = _along(o, d, t)
+            s = solids[which]
+        # A surface that light leaves to the outside: by its coat, its glossy lobe or its pores.
+        cosine = _dot(d, n)
+        if not rough_exit and cosine > 0:
+            return
+        mirror = (d[0] - 2 * cosine * n[0], d[1] - 2 * cosine * n[1], d[2] - 2 * cosine * n[2])
+        row, column, fall, w, _ = _lit(solids, p, projector, -1)
+        incident = _dot(w, n)
+        if row >= 0 and incident > 0:
+            lobe = 0.0
+            if not rough_exit and s[_GLOSS] > 0:
+                near = max(_dot(mirror, w), 0.0)
+                lobe = s[_GLOSS] * (s[_EXPONENT] + 2) / (2 * np.pi) * near ** s[_EXPONENT]
+            for c in range(3):
+                matt = 1 / np.pi
+                if not rough_exit:
+                    matt = (1 - s[_GLOSS]) * s[_COAT] * _albedo(s, p, c) / np.pi
+                given[c] = carried[c] * (matt + lobe) * incident * fall
+            parts[kind] += given
+            _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+        bounces += 1
+        if bounces > _BOUNCES or not _survives(carried, share):
+            return
+        if rough_exit:
+            kind, o, d = 2, p, _lobe(n, 1.0)
+        elif np.random.random() < s[_GLOSS]:
+            d = _lobe(mirror, s[_EXPONENT])
+            leaving = _dot(d, n)
+            if leaving <= 0:
+                return
+            carried *= leaving * (s[_EXPONENT] + 2) / (s[_EXPONENT] + 1)
+            kind, o = 2, p
+        elif np.random.random() < s[_COAT]:
+            for c in range(3):
+                carried[c] *= _albedo(s, p, c)
+            kind, o, d = 2, p, _lobe(n, 1.0)
+        else:
+            inside, o = which, p
+            kind = 1 if kind == 0 else 2
+            if s[_MATCHED] == 0:
+                d = _lobe((-n[0], -n[1], -n[2]), 1.0)
+
+
+@njit
+def _survives(carried, share):  # type: ignore[no-untyped-def]
+    """Russian roulette once little is carried."""
+    most = max(carried[0], carried[1], carried[2]) / share
+    if most >= 0.3:
+        return True
+    if np.random.random() * 0.3 >= most:
+        return False
+    carried *= 0.3 / most
+    return True
