@@ -12,223 +12,18 @@ isotropically scattering medium, walked at random. Its boundary is either matche
 passes straight) or rough (light enters and leaves with a cosine distribution).
 """
 
-from __future__ import annotations
+# ruff: noqa: NPY002 (compiled code has no other generator; it is seeded pixel by pixel)
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
-from scipy import ndimage
 
-from processing.patterns import Pattern
+from benchmarks.solids import BOX, CHECKS, SPHERE, UNIFORM
 
-Array = NDArray[np.float64]
-Image = NDArray[np.float32]
-Vector = tuple[float, float, float]
-
-SPHERE, BOX, CYLINDER = 0, 1, 2
-UNIFORM, CHECKS, WAVES = 0, 1, 2
 _EPSILON = 1e-5
 _LONGEST = 600
 _BOUNCES = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Solid:
-    """One object.
-
-    Parameters
-    ----------
-    shape
-        Unit sphere, cube (−1..1 each way) or cylinder (radius 1, −1..1 along y).
-    centre, size, turn_rad
-        Scaled by `size`, turned about y, x and z in this order, then moved.
-    colours
-        Two albedos, RGB, between which the texture alternates.
-    texture, scale
-        Kind, and its repeats a unit of length.
-    gloss, exponent
-        Share of the glossy lobe, and its Phong exponent.
-    extinction
-        Of the medium inside, per unit of length; 0 for opaque solids.
-    medium
-        Single-scattering albedo, RGB.
-    coat
-        Share of light that a translucent solid scatters at its surface.
-    is_matched
-        The medium's boundary does not bend light.
-    """
-
-    shape: int
-    centre: Vector
-    size: Vector
-    turn_rad: Vector = (0.0, 0.0, 0.0)
-    colours: tuple[Vector, Vector] = ((0.7, 0.7, 0.7), (0.7, 0.7, 0.7))
-    texture: int = UNIFORM
-    scale: float = 4.0
-    gloss: float = 0.0
-    exponent: float = 30.0
-    extinction: float = 0.0
-    medium: Vector = (0.0, 0.0, 0.0)
-    coat: float = 1.0
-    is_matched: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """A pinhole camera or projector that looks at a point.
-
-    Parameters
-    ----------
-    place, target
-        Where it stands and looks.
-    half_width
-        Tangent of half the horizontal angle of view.
-    pixels
-        (height, width).
-    """
-
-    place: Vector
-    target: Vector
-    half_width: float
-    pixels: tuple[int, int]
-
-    def frame(self) -> Array:
-        """Rows: place, right, down, forward, (half width, height, width)."""
-        place, target = np.array(self.place), np.array(self.target)
-        forward = (target - place) / np.linalg.norm(target - place)
-        right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
-        right /= np.linalg.norm(right)
-        down = np.cross(forward, right)
-        last = np.array([self.half_width, *self.pixels], np.float64)
-        return np.stack([place, right, down, forward, last])
-
-
-@dataclass(frozen=True, slots=True)
-class Scenery:
-    """Objects, camera and projector."""
-
-    solids: Sequence[Solid]
-    camera: View
-    projector: View
-    seed: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Rendered:
-    """What the camera sees.
-
-    Parameters
-    ----------
-    patterns
-        m of them.
-    contrast
-        float32, (height, width, 3, m): the frame of a pattern is ½ (white + contrast).
-    truth
-        Direct light, subsurface scattering and inter-reflection, (height, width, 3) each.
-    """
-
-    patterns: tuple[Pattern, ...]
-    contrast: Image
-    truth: dict[str, Image] = field(default_factory=dict)
-
-    @property
-    def white(self) -> Image:
-        total: Image = np.sum(list(self.truth.values()), axis=0)
-        return total
-
-    def frame(self, index: int) -> Image:
-        """Frame of one pattern, float32, (height, width, 3)."""
-        seen: Image = np.float32(0.5) * (self.white + self.contrast[..., index])
-        return seen
-
-
-def render(
-    scenery: Scenery, patterns: Sequence[Pattern], paths: int, blur_px: float = 0.0
-) -> Rendered:
-    """Trace `paths` (a square number) through every camera pixel.
-
-    Parameters
-    ----------
-    scenery
-        What is seen.
-    patterns
-        No white and no black among them.
-    paths
-        Through each pixel.
-    blur_px
-        Standard deviation of the projector's blur, in projector pixels.
-    """
-    height, width = scenery.camera.pixels
-    down, right = wave_tables(patterns, scenery.projector.pixels, blur_px)
-    contrast = np.zeros((height * width, 3, len(patterns)), np.float32)
-    truth = np.zeros((3, height * width, 3))
-    _trace(
-        solid_table(scenery.solids), scenery.camera.frame(), scenery.projector.frame(), down,
-        right, round(np.sqrt(paths)), scenery.seed, contrast, truth,
-    )  # fmt: skip
-    names = ("direct", "subsurface", "interreflection")
-    parts = {
-        name: part.reshape(height, width, 3).astype(np.float32)
-        for name, part in zip(names, truth, strict=True)
-    }
-    return Rendered(tuple(patterns), contrast.reshape(height, width, 3, -1), parts)
-
-
-def wave_tables(
-    patterns: Sequence[Pattern], pixels: tuple[int, int], blur_px: float
-) -> tuple[Image, Image]:
-    """2·code − 1 = down·right of every pattern, (height, m) and (width, m)."""
-    tables = []
-    for axis in range(2):
-        waves = []
-        for pattern in patterns:
-            varies = (pattern.family.varies_down, pattern.family.varies_right)
-            if not varies[axis]:
-                waves.append(np.ones(pixels[axis]))
-                continue
-            # Beyond the raster there is no light, so blur is that of the unbounded pattern.
-            pad = 4 * int(np.ceil(blur_px)) * 2 * pattern.pitch_px
-            shift = (pattern.shift_y_px, pattern.shift_x_px)[axis]
-            at = np.arange(-pad, pixels[axis] + pad) + shift
-            if pattern.family.is_binary:
-                wave = np.where(at // pattern.pitch_px % 2 == 0, 1.0, -1.0)
-            else:
-                wave = np.cos(np.pi * at / pattern.pitch_px)
-            if blur_px:
-                wave = ndimage.gaussian_filter1d(wave, blur_px, truncate=5)
-            waves.append(wave[pad : len(wave) - pad])
-        tables.append(np.ascontiguousarray(np.stack(waves, axis=1), np.float32))
-    return tables[0], tables[1]
-
-
-def solid_table(solids: Sequence[Solid]) -> Array:
-    """One row a solid, see the columns in `_trace` and below."""
-    rows = []
-    for one in solids:
-        inverse = _rotation(one.turn_rad).T / np.array(one.size)[:, np.newaxis]
-        optics = [one.texture, one.scale, one.gloss, one.exponent, one.extinction]
-        rows.append(
-            np.concatenate(
-                [
-                    [one.shape], one.centre, inverse.ravel(), one.colours[0], one.colours[1],
-                    optics, one.medium, [one.coat, float(one.is_matched)],
-                ]
-            )
-        )  # fmt: skip
-    return np.array(rows, np.float64)
-
-
-def _rotation(turn_rad: Vector) -> Array:
-    (cy, cx, cz), (sy, sx, sz) = np.cos(turn_rad), np.sin(turn_rad)
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    turned: Array = about_z @ about_x @ about_y
-    return turned
-
 
 # Columns of the table of solids.
 _CENTRE, _INVERSE, _COLOURS, _TEXTURE, _SCALE, _GLOSS, _EXPONENT = 1, 4, 13, 19, 20, 21, 22
@@ -236,7 +31,7 @@ _EXTINCTION, _MEDIUM, _COAT, _MATCHED = 23, 24, 27, 28
 
 
 @njit(inline="always")
-def _unit_hit(shape, o, d):  # type: ignore[no-untyped-def]
+def _unit_hit(shape, o, d):  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915
     """Nearest t > ε in the solid's own frame, and the normal there (not normalised)."""
     n = (0.0, 0.0, 0.0)
     best = np.inf
@@ -421,7 +216,7 @@ def _deposit(contrast, down, right, red, green, blue):  # type: ignore[no-untype
 
 
 @njit(parallel=True)
-def _trace(  # type: ignore[no-untyped-def]
+def trace(  # type: ignore[no-untyped-def]
     solids, camera, projector, down, right, side, seed, contrast, truth
 ):
     height, width = int(camera[4, 1]), int(camera[4, 2])
@@ -447,10 +242,46 @@ def _trace(  # type: ignore[no-untyped-def]
 
 
 @njit
-def _follow(solids, projector, down, right, o, d, share, sums, parts):  # type: ignore[no-untyped-def]
+def _light_inside(solids, projector, down, right, p, inside, carried, sums, part):  # type: ignore[no-untyped-def]
+    """Connect a place in a medium to the projector, straight through its boundary."""
+    s = solids[inside]
+    row, column, fall, _, way = _lit(solids, p, projector, inside)
+    if row >= 0:
+        passed = (1 - s[_COAT]) * np.exp(-s[_EXTINCTION] * way)
+        given = carried * (passed * fall / (4 * np.pi))
+        part += given
+        _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+
+
+@njit
+def _light_surface(  # type: ignore[no-untyped-def]
+    solids, projector, down, right, p, n, mirror, which, rough_exit, carried, sums, part
+):
+    """Connect a place on a surface to the projector: by coat and gloss, or by its pores."""
+    s = solids[which]
+    row, column, fall, w, _ = _lit(solids, p, projector, -1)
+    incident = _dot(w, n)
+    if row < 0 or incident <= 0:
+        return
+    lobe, given = 0.0, np.zeros(3)
+    if not rough_exit and s[_GLOSS] > 0:
+        near = max(_dot(mirror, w), 0.0)
+        lobe = s[_GLOSS] * (s[_EXPONENT] + 2) / (2 * np.pi) * near ** s[_EXPONENT]
+    for c in range(3):
+        matt = 1 / np.pi
+        if not rough_exit:
+            matt = (1 - s[_GLOSS]) * s[_COAT] * _albedo(s, p, c) / np.pi
+        given[c] = carried[c] * (matt + lobe) * incident * fall
+    part += given
+    _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+
+
+@njit
+def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one loop, one path)
+    solids, projector, down, right, o, d, share, sums, parts
+):
     """One path; what it gathers goes to `sums` (colour, pattern) and `parts` (kind, colour)."""
     carried = np.full(3, share)
-    given = np.zeros(3)
     kind, inside, bounces = 0, -1, 0
     for _ in range(_LONGEST):
         t, which, n = _hit(solids, o, d)
@@ -465,12 +296,9 @@ def _follow(solids, projector, down, right, o, d, share, sums, parts):  # type: 
                 for c in range(3):
                     carried[c] *= s[_MEDIUM + c]
                 if s[_MATCHED] > 0:
-                    row, column, fall, w, way = _lit(solids, p, projector, inside)
-                    if row >= 0:
-                        passed = (1 - s[_COAT]) * np.exp(-s[_EXTINCTION] * way)
-                        given[:] = carried * (passed * fall / (4 * np.pi))
-                        parts[kind] += given
-                        _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+                    _light_inside(
+                        solids, projector, down, right, p, inside, carried, sums, parts[kind]
+                    )
                 z = 2 * np.random.random() - 1
                 phi = 2 * np.pi * np.random.random()
                 r = np.sqrt(max(1 - z * z, 0.0))
@@ -495,20 +323,10 @@ def _follow(solids, projector, down, right, o, d, share, sums, parts):  # type: 
         if not rough_exit and cosine > 0:
             return
         mirror = (d[0] - 2 * cosine * n[0], d[1] - 2 * cosine * n[1], d[2] - 2 * cosine * n[2])
-        row, column, fall, w, _ = _lit(solids, p, projector, -1)
-        incident = _dot(w, n)
-        if row >= 0 and incident > 0:
-            lobe = 0.0
-            if not rough_exit and s[_GLOSS] > 0:
-                near = max(_dot(mirror, w), 0.0)
-                lobe = s[_GLOSS] * (s[_EXPONENT] + 2) / (2 * np.pi) * near ** s[_EXPONENT]
-            for c in range(3):
-                matt = 1 / np.pi
-                if not rough_exit:
-                    matt = (1 - s[_GLOSS]) * s[_COAT] * _albedo(s, p, c) / np.pi
-                given[c] = carried[c] * (matt + lobe) * incident * fall
-            parts[kind] += given
-            _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+        _light_surface(
+            solids, projector, down, right, p, n, mirror, which, rough_exit, carried, sums,
+            parts[kind],
+        )  # fmt: skip
         bounces += 1
         if bounces > _BOUNCES or not _survives(carried, share):
             return

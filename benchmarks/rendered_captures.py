@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from acquire.plan_file import example_text, parse_plan
 from benchmarks.decomposition import Captured
-from benchmarks.light_paths import Rendered, render
 from benchmarks.rendered_scenes import scenery
+from benchmarks.rendering import Rendered, render
 from processing.gathering import HarmonicsStack
 from processing.patterns import Pattern
 from processing.separation import ExtremaSeparation

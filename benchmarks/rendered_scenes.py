@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.light_paths import (
+from benchmarks.solids import (
     BOX,
     CHECKS,
     CYLINDER,
@@ -12,6 +12,7 @@ from benchmarks.light_paths import (
     WAVES,
     Scenery,
     Solid,
+    Vector,
     View,
 )
 
@@ -90,15 +91,20 @@ def _glossy() -> list[Solid]:
     return [left, right, vase]
 
 
+def _triple(rng: np.random.Generator, low: float, high: float) -> Vector:
+    x, y, z = rng.uniform(low, high, 3)
+    return x, y, z
+
+
 def _clutter() -> list[Solid]:
     """Many objects of three shapes at chance places."""
     rng = np.random.default_rng(11)
     solids = _room()
     for k in range(18):
-        size = tuple(rng.uniform(0.08, 0.25, 3))
+        size = _triple(rng, 0.08, 0.25)
         centre = (rng.uniform(-0.95, 0.95), rng.uniform(-0.7, 0.7), rng.uniform(2.4, 3.8))
-        colours = tuple(tuple(rng.uniform(0.15, 0.85, 3)) for _ in range(2))
-        turn = tuple(rng.uniform(0, 3, 3))
+        colours = _triple(rng, 0.15, 0.85), _triple(rng, 0.15, 0.85)
+        turn = _triple(rng, 0, 3)
         solids.append(
             Solid(k % 3, centre, size, turn, colours, int(rng.integers(3)), rng.uniform(3, 10))
         )
@@ -153,7 +159,7 @@ def _shelf() -> list[Solid]:
         Solid(
             BOX, (x, y - half, rng.uniform(3.0, 3.4)), (0.09, half, 0.25),
             (rng.uniform(-0.1, 0.1), 0.0, 0.0),
-            (tuple(rng.uniform(0.2, 0.8, 3)), tuple(rng.uniform(0.2, 0.8, 3))),
+            (_triple(rng, 0.2, 0.8), _triple(rng, 0.2, 0.8)),
             CHECKS if k % 2 else WAVES, rng.uniform(4, 12),
         )
         for k, (x, y, half) in enumerate(

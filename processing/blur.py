@@ -19,6 +19,17 @@ from numpy.typing import NDArray
 _LEAST_SLOPE = 0.08
 # Two pairs of pitches must agree on the variance within this.
 _AGREEMENT_PX2 = 1.0
+# However small a footprint, this share of the typical variance is left.
+_LEAST_SHARE = 0.1
+# A uniform pixel's variance a side.
+_PIXEL_PX2 = 1 / 12
+# Modes of bins are good to this; the camera's part is within this of a pixel's where nothing else
+# is known.
+_MODE_ERROR_PX2 = 0.05
+_CAMERA_ERROR_PX2 = 0.5
+_BINS = 12
+_LEAST_BIN = 200
+_REWEIGHTED = 10
 
 
 BLUR_UNSURE = (
@@ -26,6 +37,9 @@ BLUR_UNSURE = (
     "show the same blur disagree, or too few are resolved; measure the blur on a board, and until "
     "then take direct light and subsurface scattering for estimates"
 )
+
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,55 +56,104 @@ class Blur:
     box_px
         Width of a camera pixel on the projector: as far as the variance allows, the blur is
         uniform over that width. 0 where it is unknown.
+    camera_px2, footprint_px2
+        The part of the variance that is the camera's, in camera pixels squared, and the size
+        (mean of the diagonal of J Jᵀ, `processing.footprints`) at which `side_px2` holds. Where a
+        footprint is larger, so is the blur.
     """
 
     side_px2: float
     skew_px2: float = 0.0
     box_px: float = 0.0
+    camera_px2: float = 0.0
+    footprint_px2: float = 1.0
 
-    def widened(self, further_px2: NDArray[np.float64]) -> Blur:
-        """With more variance along (y + x)/√2 and (y − x)/√2, nowhere below 0."""
-        side_px2 = max(self.side_px2 + float(further_px2.mean()), 0.0)
-        skew_px2 = self.skew_px2 + float(further_px2[0] - further_px2[1]) / 2
-        return replace(self, side_px2=side_px2, skew_px2=min(max(skew_px2, -side_px2), side_px2))
+    def gains(self, tables_pitch_px: Array, varies: Array, footprint: Array) -> Array:
+        """Factors of Z⁺ and Z⁻ where the footprint is not the typical one, (n, pitches, 2).
 
-    def diagonal_gain(self, pitch_px: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Factor of Z⁺ that the skew makes, and inverse of that of Z⁻; (pitches,)."""
-        gain: NDArray[np.float64] = np.exp(-((np.pi / pitch_px) ** 2) * self.skew_px2)
-        return gain
+        Parameters
+        ----------
+        tables_pitch_px
+            (pitches,).
+        varies
+            (pitches, 2): 1 where a pattern varies down or to the right, else 0.
+        footprint
+            (3, n), see `processing.footprints`.
+        """
+        rates2 = (np.pi / tables_pitch_px) ** 2
+        down, right = varies.T
+        least = _LEAST_SHARE * self.side_px2 - self.side_px2
+        excess = np.maximum(self.camera_px2 * (footprint[:2] - self.footprint_px2), least)
+        skew = self.skew_px2 + self.camera_px2 * footprint[2]
+        along = 0.5 * (np.outer(excess[0], rates2 * down) + np.outer(excess[1], rates2 * right))
+        across = np.outer(skew, rates2 * down * right)
+        gains: Array = np.exp(-np.stack([along + across, along - across], axis=-1))
+        return gains
 
 
-def further_blur(
-    slopes: NDArray[np.float64], pitch_px: NDArray[np.float64], white: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], bool]:
-    """Variance that the slopes show beyond the blur that they were corrected for.
+def adjusted(
+    blur: Blur, slopes: Array, pitch_px: Array, white: Array, footprint: Array
+) -> tuple[Blur, bool]:
+    """The blur that makes the slopes at the finest usable pitches agree, and whether it is sure.
 
     Parameters
     ----------
+    blur
+        What the slopes were corrected for.
     slopes
         (n, pitches, 2), of sample pixels along both diagonals.
     pitch_px
         (pitches,), not decreasing; families of one pitch are averaged.
     white
         (n,), of the same pixels.
+    footprint
+        (3, n), of the same pixels.
 
     Returns
     -------
-    (2,) variance along (y + x)/√2 and (y − x)/√2, NaN where no two pitches can be compared, and
-    whether a third pitch confirms it.
+    The blur, unchanged where no two pitches can be compared, and whether a third pitch confirms it.
     """
     pitch_px, member = np.unique(pitch_px, return_inverse=True)
     slopes = np.stack([slopes[:, member == k].mean(axis=1) for k in range(len(pitch_px))], axis=1)
     typical = np.median(slopes.mean(axis=2) / white[:, np.newaxis], axis=0)
     usable = np.flatnonzero(typical > _LEAST_SLOPE)[:3]
     if len(usable) < 2:
-        return np.full(2, np.nan), False
+        return blur, False
     rates = (np.pi / pitch_px[usable]) ** 2
     compared = np.maximum(slopes[:, usable], 1e-9)
     ratios = -np.diff(np.log(compared), axis=1) / np.diff(rates)[:, np.newaxis]
     modes = np.array([[shorth(ratios[:, k, d]) for d in range(2)] for k in range(len(rates) - 1)])
     confirmed = len(modes) > 1 and bool(np.all(np.abs(modes[1] - modes[0]) < _AGREEMENT_PX2))
-    return modes[0], confirmed
+    size = 0.5 * (footprint[0] + footprint[1])
+    along = np.stack([size + footprint[2], size - footprint[2]], axis=1)
+    level, rise = _line(along.ravel() - blur.footprint_px2, ratios[:, 0].ravel(), blur)
+    side_px2 = max(blur.side_px2 + level, 0.0)
+    camera_px2 = min(max(blur.camera_px2 + rise, 0.0), side_px2 / blur.footprint_px2)
+    skew_px2 = blur.skew_px2 + float(modes[0, 0] - modes[0, 1]) / 2
+    skew_px2 = min(max(skew_px2, -side_px2), side_px2)
+    return replace(blur, side_px2=side_px2, camera_px2=camera_px2, skew_px2=skew_px2), confirmed
+
+
+def _line(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
+    """Most frequent variance at the typical footprint, and its rise with the footprint.
+
+    A line through the modes of bins of equal count; where footprints are all alike, a camera that
+    is no blurrier than its pixel is assumed.
+    """
+    order = np.array_split(np.argsort(sizes), min(_BINS, max(len(sizes) // _LEAST_BIN, 1)))
+    at = np.array([np.median(sizes[part]) for part in order])
+    found = np.array([shorth(variances[part]) for part in order])
+    expected = min(_PIXEL_PX2, blur.side_px2 / blur.footprint_px2) - blur.camera_px2
+    design = np.stack([np.ones_like(at), at], axis=1) / _MODE_ERROR_PX2
+    rows = np.vstack([design, [0.0, 1 / _CAMERA_ERROR_PX2]])
+    values = np.append(found / _MODE_ERROR_PX2, expected / _CAMERA_ERROR_PX2)
+    # Bins in which much light scatters read too large: they count little.
+    weights = np.ones(len(rows))
+    for _ in range(_REWEIGHTED):
+        solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+        weights = 1 / np.sqrt(1 + np.abs(rows @ solution - values))
+        weights[-1] = 1
+    return float(solution[0]), float(solution[1])
 
 
 def shorth(values: NDArray[np.float64]) -> float:

@@ -19,7 +19,6 @@ from numba import njit, prange
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from processing.blur import Blur
 from processing.correspondence import decode_residual, refined
 from processing.harmonics import PitchDesign
 from processing.range_fit import look_up, model_errors
@@ -54,7 +53,7 @@ class Setting:
         One a pitch.
     projector_px
         (height, width).
-    tables, blur
+    tables
         Of each colour.
     noise_gains
         (pitches,), see `processing.range_fit.slope_noise_gain`.
@@ -63,8 +62,30 @@ class Setting:
     designs: Sequence[PitchDesign]
     projector_px: tuple[int, int]
     tables: Sequence[ResponseTables]
-    blur: Sequence[Blur]
     noise_gains: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """n pixels.
+
+    Parameters
+    ----------
+    harmonics
+        complex64, (pitches, 2, n, colours), constant light subtracted.
+    places
+        (2, n, colours), decoded as if there were one.
+    gains
+        (n, pitches, 2, colours), see `processing.blur.Blur.gains`.
+    white, variance
+        (n, colours), the second of the noise of a frame.
+    """
+
+    harmonics: Harmonics
+    places: Array
+    gains: Array
+    white: Array
+    variance: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,56 +108,25 @@ class TwoPlaces:
     deviations: Array
 
 
-def misfit(
-    setting: Setting, harmonics: Harmonics, places: Array, white: Array, variance: Array
-) -> Array:
-    """χ² of one place a degree of freedom, (n,), over all colours.
-
-    Parameters
-    ----------
-    setting
-        The capture.
-    harmonics
-        complex64, (pitches, 2, n, colours), constant light subtracted.
-    places
-        (2, n, colours).
-    white, variance
-        (n, colours), the second of the noise of a frame.
-    """
-    chi2 = np.zeros(white.shape[0])
-    for colour in range(white.shape[1]):
-        _, _, one, _ = _fitted(setting, harmonics, (places,), white, variance, colour)
-        chi2 += one
-    return chi2 / (4 * len(setting.designs) * white.shape[1])
-
-
-def fit_two_places(
-    setting: Setting, harmonics: Harmonics, places: Array, white: Array, variance: Array
-) -> TwoPlaces:
-    """Find and fit a second place; parameters as for `misfit`."""
-    before = misfit(setting, harmonics, places, white, variance)
-    first, second = places.copy(), places.copy()
-    colours = range(white.shape[1])
-    spectra = [_fitted(setting, harmonics, (places,), white, variance, c)[3][0] for c in colours]
-    for turn in range(_ROUNDS):
-        left = np.stack(spectra, axis=-1)
-        if turn == 0:
-            start = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
-        else:
-            start = second
-        second = refined(left, setting.tables, start)
-        both = [_fitted(setting, harmonics, (first, second), white, variance, c) for c in colours]
-        first = refined(np.stack([one[3][1] for one in both], axis=-1), setting.tables, first)
-        spectra = [
-            _fitted(setting, harmonics, (first, second), white, variance, c)[3][0] for c in colours
-        ]
-    both = [_fitted(setting, harmonics, (first, second), white, variance, c) for c in colours]
-    after = np.sum([one[2] for one in both], axis=0) / (4 * len(setting.designs) * len(both))
+def fit_two_places(setting: Setting, seen: Seen) -> TwoPlaces:
+    """Find and fit a second place of each pixel."""
+    first, second = seen.places, seen.places
+    alone = _Fit.of(setting, seen, (first,))
+    left = alone.left[0]
+    second = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
+    for _ in range(_ROUNDS):
+        second = refined(left, setting.tables, second)
+        both = _Fit.of(setting, seen, (first, second))
+        first = refined(both.left[1], setting.tables, first)
+        both = _Fit.of(setting, seen, (first, second))
+        left = both.left[0]
+    degrees = 4 * len(setting.designs) * seen.white.shape[1]
+    much = alone.chi2 > _SUSPECT * degrees
     return TwoPlaces(
-        (before > _SUSPECT) & (after < _MOST_LEFT * before),
+        much & (both.chi2 < _MOST_LEFT * alone.chi2),
         second.mean(axis=-1),
-        np.stack([one[0] for one in both], axis=-1),
-        np.stack([one[1] for one in both], axis=-1),
+        both.direct_light,
+        both.deviations,
     )
 
 
@@ -164,7 +154,7 @@ def near_jumps(
         jumps[tuple(ahead)] |= jumped
         jumps[tuple(behind)] |= jumped
     side = 2 * _REACH_PX - 1
-    near: NDArray[np.bool_] = ndimage.binary_dilation(jumps, np.ones((side, side))) & mask
+    near: NDArray[np.bool_] = ndimage.binary_dilation(jumps, np.ones((side, side), bool)) & mask
     return near
 
 
@@ -194,37 +184,78 @@ def seen_beside(
             apart = np.abs(places_px[:, row, column] - second_px).max(axis=0)
             agreed |= apart < _AGREEMENT_PX * scale_px
     away = np.abs(places_px[:, pixels[0], pixels[1]] - second_px).max(axis=0)
-    return agreed & (away > _JUMP_PX * scale_px)
+    second: NDArray[np.bool_] = agreed & (away > _JUMP_PX * scale_px)
+    return second
 
 
-def _fitted(
-    setting: Setting,
-    harmonics: Harmonics,
-    places: tuple[Array, ...],
-    white: Array,
-    variance: Array,
-    colour: int,
-) -> tuple[Array, Array, Array, NDArray[np.complex64]]:
-    """Direct light, its error, χ², and what each place leaves: (places, pitches, 2, n)."""
-    tables, blur = setting.tables[colour], setting.blur[colour]
-    finest = tables.pitch_px.min()
-    wanted = [0, *(int(np.argmin(np.abs(tables.spread_px - r * finest))) for r in _RANGES)]
-    pixels = np.ascontiguousarray(np.moveaxis(harmonics[..., colour], -1, 0))
-    stacked = np.stack([place[..., colour] for place in places])
-    energy = np.array(
-        [
-            2
-            * np.mean(np.abs(tables.down[a:b, 0]) ** 2)
-            * np.mean(np.abs(tables.right[a:b, 0]) ** 2)
-            for a, b in zip(tables.first, [*tables.first[1:], len(tables.down)], strict=True)
-        ]
-    )
-    direct, error, chi2, left = _fit_all(
-        pixels, stacked, tables.down[:, wanted].copy(), tables.right[:, wanted].copy(),
-        tables.first, tables.pitch_px, blur.diagonal_gain(tables.pitch_px), white[:, colour].copy(),
-        variance[:, colour].copy(), setting.noise_gains, energy, model_errors(tables.pitch_px),
-    )  # fmt: skip
-    return direct, error, chi2, np.ascontiguousarray(np.moveaxis(left, 1, -1))
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """(n, colours) of direct light and its error, χ² over all colours, what each place leaves."""
+
+    direct_light: Array
+    deviations: Array
+    chi2: Array
+    left: Harmonics
+
+    @classmethod
+    def of(cls, setting: Setting, seen: Seen, places: tuple[Array, ...]) -> _Fit:
+        """Fit the pixels as seeing some places, (2, n, colours) each."""
+        fits = []
+        for colour, tables in enumerate(setting.tables):
+            finest = tables.pitch_px.min()
+            apart = [np.abs(tables.spread_px - ratio * finest) for ratio in _RANGES]
+            wanted = [0, *(int(np.argmin(one)) for one in apart)]
+            fits.append(
+                _fit_all(
+                    np.ascontiguousarray(np.moveaxis(seen.harmonics[..., colour], -1, 0)),
+                    np.stack([place[..., colour] for place in places]),
+                    np.ascontiguousarray(tables.down[:, wanted]),
+                    np.ascontiguousarray(tables.right[:, wanted]),
+                    tables.first,
+                    tables.pitch_px,
+                    np.ascontiguousarray(seen.gains[..., colour]),
+                    np.ascontiguousarray(seen.white[:, colour]),
+                    np.ascontiguousarray(seen.variance[:, colour]),
+                    setting.noise_gains,
+                    _mean_energy(tables),
+                    model_errors(tables.pitch_px, tables.blur_px2),
+                )
+            )
+        direct, error, chi2, left = zip(*fits, strict=True)
+        return cls(
+            np.stack(direct, axis=-1),
+            np.stack(error, axis=-1),
+            np.sum(chi2, axis=0),
+            np.moveaxis(np.stack(left, axis=-1), 1, 3),
+        )
+
+
+def _mean_energy(tables: ResponseTables) -> Array:
+    """Mean of ⟨Z_0, Z_0⟩ over all places, (pitches,)."""
+    ends = [*tables.first[1:], len(tables.down)]
+    means = [
+        np.mean(np.abs(tables.down[first:end, 0]) ** 2)
+        * np.mean(np.abs(tables.right[first:end, 0]) ** 2)
+        for first, end in zip(tables.first, ends, strict=True)
+    ]
+    return 2 * np.array(means)
+
+
+@njit(cache=True)
+def _atoms(places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
+    """(places · ranges + 1, 4 · pitches): what unit light of each adds to the harmonics."""
+    n_places, n_ranges, n_pitches = len(places), down.shape[1], len(pitch_px)
+    atoms = np.zeros((n_places * n_ranges + 1, 4 * n_pitches))
+    for k in range(n_pitches):
+        for p in range(n_places):
+            for r in range(n_ranges):
+                y = look_up(down, first[k], 2 * pitch_px[k], places[p, 0], r)
+                x = look_up(right, first[k], 2 * pitch_px[k], places[p, 1], r)
+                plus, minus = 0.5 * y * x * gain[k, 0], 0.5 * y * np.conj(x) * gain[k, 1]
+                atom = atoms[p * n_ranges + r]
+                atom[4 * k], atom[4 * k + 1] = plus.real, plus.imag
+                atom[4 * k + 2], atom[4 * k + 3] = minus.real, minus.imag
+    return atoms
 
 
 @njit(parallel=True, cache=True)
@@ -237,22 +268,13 @@ def _fit_all(  # type: ignore[no-untyped-def]
     direct, error, chi2 = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
     left = np.zeros((n_places, n_pixels, n_pitches, 2), np.complex64)
     for i in prange(n_pixels):
-        atoms = np.zeros((n_atoms, 4 * n_pitches))
+        atoms = _atoms(places[:, :, i], down, right, first, pitch_px, gain[i])
         seen, weight = np.zeros(4 * n_pitches), np.zeros(4 * n_pitches)
         for k in range(n_pitches):
+            seen[4 * k : 4 * k + 4 : 2] = harmonics[i, k].real
+            seen[4 * k + 1 : 4 * k + 4 : 2] = harmonics[i, k].imag
             spread = noise_gains[k] * variance[i] + energy[k] * (model[k] * white[i]) ** 2
-            for s in range(2):
-                seen[4 * k + 2 * s] = harmonics[i, k, s].real
-                seen[4 * k + 2 * s + 1] = harmonics[i, k, s].imag
             weight[4 * k : 4 * k + 4] = 4 / (spread + 1e-30)
-            for p in range(n_places):
-                for r in range(n_ranges):
-                    y = look_up(down, first[k], 2 * pitch_px[k], places[p, 0, i], r)
-                    x = look_up(right, first[k], 2 * pitch_px[k], places[p, 1, i], r)
-                    plus, minus = 0.5 * y * x * gain[k], 0.5 * y * np.conj(x) / gain[k]
-                    atom = atoms[p * n_ranges + r]
-                    atom[4 * k], atom[4 * k + 1] = plus.real, plus.imag
-                    atom[4 * k + 2], atom[4 * k + 3] = minus.real, minus.imag
         amounts = np.zeros(n_atoms)
         inverse = np.zeros((n_atoms, n_atoms))
         weighted = atoms * weight
@@ -262,8 +284,7 @@ def _fit_all(  # type: ignore[no-untyped-def]
         residual = seen.copy()
         for a in range(n_atoms):
             residual -= amounts[a] * atoms[a]
-        for j in range(4 * n_pitches):
-            chi2[i] += weight[j] * residual[j] ** 2
+        chi2[i] = np.sum(weight * residual**2)
         total, spread = 0.0, 0.0
         for p in range(n_places):
             total += amounts[p * n_ranges]
@@ -273,9 +294,7 @@ def _fit_all(  # type: ignore[no-untyped-def]
             rest = seen.copy()
             for r in range(n_ranges):
                 rest -= amounts[p * n_ranges + r] * atoms[p * n_ranges + r]
-            for k in range(n_pitches):
-                for s in range(2):
-                    left[p, i, k, s] = rest[4 * k + 2 * s] + 1j * rest[4 * k + 2 * s + 1]
+            left[p, i] = (rest[0::2] + 1j * rest[1::2]).reshape(n_pitches, 2)
         direct[i] = min(total, white[i])
         error[i] = np.sqrt(max(spread, 0.0) * max(chi2[i] / (4 * n_pitches), 1.0))
     return direct, error, chi2, left

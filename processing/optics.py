@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.blur import BLUR_UNSURE, Blur, further_blur
+from processing.blur import BLUR_UNSURE, Blur, adjusted
 from processing.correspondence import decode
+from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
 from processing.range_fit import slopes
 from processing.response import ResponseTables
@@ -53,11 +54,12 @@ class Sample:
     usable: NDArray[np.bool_]
     stride_px: int
 
-    def projector_px_per_px(self, places_px: Array) -> float:
-        """Distance on the projector between neighbouring camera pixels, from (2, n) places."""
+    def footprints(self, places_px: Array) -> Array:
+        """(3, n), see `processing.footprints`, from (2, n) places."""
         spread = np.full((2, *self.usable.shape), np.nan)
         spread[:, self.usable] = places_px
-        return projector_px_per_px(spread, self.usable) / self.stride_px
+        found: Array = footprints(spread, self.usable, self.stride_px)[:, self.usable]
+        return found
 
 
 def measured_blur(
@@ -73,17 +75,22 @@ def measured_blur(
     for _ in range(_BLUR_ROUNDS):
         tables = tables_for(stack, blur, np.zeros(1))
         places = decode(sample.harmonics, stack.designs, tables, stack.projector_px)
-        box_px = sample.projector_px_per_px(places.place_px.mean(axis=-1))
+        shapes = sample.footprints(places.place_px.mean(axis=-1))
+        typical_px2 = float(np.median(shapes[:2]))
         unsure = False
         for colour, (one, table) in enumerate(zip(blur, tables, strict=True)):
             lit = bright[:, colour]
             seen = places.place_px[:, lit, colour]
-            measured = slopes(sample.harmonics[:, :, lit, colour], seen, table, one)
+            located = replace(
+                one, footprint_px2=typical_px2, box_px=_BOX_MARGIN * float(np.sqrt(typical_px2))
+            )
+            gains = located.gains(table.pitch_px, table.varies, shapes[:, lit])
+            measured = slopes(sample.harmonics[:, :, lit, colour], seen, table, gains)
             white = sample.white[lit, colour].astype(np.float64)
-            further, confirmed = further_blur(measured, table.pitch_px, white)
+            blur[colour], confirmed = adjusted(
+                located, measured, table.pitch_px, white, shapes[:, lit]
+            )
             unsure |= not confirmed
-            if not np.isnan(further).any():
-                blur[colour] = replace(one.widened(further), box_px=_BOX_MARGIN * box_px)
     return tuple(blur), (BLUR_UNSURE,) if unsure else ()
 
 

@@ -18,7 +18,6 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from processing.accounts import Account
-from processing.blur import Blur
 from processing.harmonics import PitchDesign
 from processing.response import BINS_PER_PX, ResponseTables
 from processing.spectrum import solve_spectrum
@@ -29,6 +28,8 @@ Array = NDArray[np.float64]
 # a board, which has direct light alone, D is off by 0.3 to 2 %. Light from afar is less like its
 # Gaussian spreads the wider the pattern: it grows as the root of the pitch.
 _MODEL_ERROR = 0.01
+# The blur's variance is right to this part of it.
+_BLUR_ERROR = 0.02
 # The total is held to white this many times tighter than a row, then scaled to it exactly.
 _TOTAL_WEIGHT = 300.0
 
@@ -56,9 +57,19 @@ class AccountFit:
     chi2: Array
 
 
-def model_errors(pitch_px: Array) -> Array:
-    """Standard deviation of D/white that is laid to the model, (pitches,)."""
-    errors: Array = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
+def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
+    """Standard deviation of D/white that is laid to the model, (pitches,).
+
+    Parameters
+    ----------
+    pitch_px
+        (pitches,).
+    blur_px2
+        Variance a side of the blur that is corrected for; its error bends fine pitches.
+    """
+    shape = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
+    bent = _BLUR_ERROR * blur_px2 * (np.pi / pitch_px) ** 2
+    errors: Array = np.hypot(shape, bent)
     return errors
 
 
@@ -73,7 +84,7 @@ def slope_noise_gain(design: PitchDesign) -> float:
 
 
 def slopes(
-    harmonics: NDArray[np.complex64], places: Array, tables: ResponseTables, blur: Blur
+    harmonics: NDArray[np.complex64], places: Array, tables: ResponseTables, gains: Array
 ) -> Array:
     """D of both diagonals apart, (n, pitches, 2).
 
@@ -83,13 +94,15 @@ def slopes(
         (pitches, 2, n) of one colour, constant light subtracted.
     places
         (2, n), see `processing.correspondence.Correspondence`.
-    tables, blur
+    tables
         Of this colour.
+    gains
+        (n, pitches, 2), `processing.blur.Blur.gains`.
     """
     pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
     return _slopes(  # type: ignore[no-any-return]
         pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
-        blur.diagonal_gain(tables.pitch_px),
+        gains,
     )  # fmt: skip
 
 
@@ -97,7 +110,7 @@ def fit_places(
     harmonics: NDArray[np.complex64],
     places: Array,
     tables: ResponseTables,
-    blur: Blur,
+    gains: Array,
     accounts: tuple[Account, Account],
     white: Array,
     variance: Array,
@@ -107,7 +120,7 @@ def fit_places(
 
     Parameters
     ----------
-    harmonics, places, tables, blur
+    harmonics, places, tables, gains
         As for `slopes`.
     accounts
         The ranges.
@@ -122,8 +135,9 @@ def fit_places(
     one, other = accounts
     fitted = _fit_places(
         pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
-        blur.diagonal_gain(tables.pitch_px), one.mixtures, other.mixtures, one.subsurface,
-        other.subsurface, white, variance, noise_gains, model_errors(tables.pitch_px),
+        gains, one.mixtures, other.mixtures, one.subsurface,
+        other.subsurface, white, variance, noise_gains,
+        model_errors(tables.pitch_px, tables.blur_px2),
     )  # fmt: skip
     return _result(fitted[:3]), _result(fitted[3:])
 
@@ -201,7 +215,7 @@ def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ign
             bin_x, part_x = _bin(places[1, i], 2 * pitch_px[k])
             at_y = _between(down, first[k] + bin_y, part_y, 0)
             at_x = _between(right, first[k] + bin_x, part_x, 0)
-            plus, minus = at_y * at_x * gain[k], at_y * np.conj(at_x) / gain[k]
+            plus, minus = at_y * at_x * gain[i, k, 0], at_y * np.conj(at_x) * gain[i, k, 1]
             for sign, one in enumerate((plus, minus)):
                 seen = harmonics[i, k, sign]
                 found[i, k, sign] = 2 * (seen * np.conj(one)).real / max(np.abs(one) ** 2, 1e-12)
@@ -215,11 +229,11 @@ def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore
     bin_x, part_x = _bin(x, 2 * pitch)
     bin_y, bin_x = bin_y + first, bin_x + first
     at_y, at_x = _between(down, bin_y, part_y, 0), _between(right, bin_x, part_x, 0)
-    plus, minus = at_y * at_x * gain, at_y * np.conj(at_x) / gain
+    plus, minus = at_y * at_x * gain[0], at_y * np.conj(at_x) * gain[1]
     energy = max(np.abs(plus) ** 2 + np.abs(minus) ** 2, 1e-12)
     slope = 2 * ((seen[0] * np.conj(plus)).real + (seen[1] * np.conj(minus)).real) / energy
     # Re(T_y T_x Z⁺*) and Re(T_y T_x* Z⁻*) of each spread, both diagonals together.
-    gained, lessened = np.conj(plus) * gain / energy, np.conj(minus) / gain / energy
+    gained, lessened = np.conj(plus) * gain[0] / energy, np.conj(minus) * gain[1] / energy
     response[0] = 1.0
     for r in range(1, len(response)):
         at_y, at_x = _between(down, bin_y, part_y, r), _between(right, bin_x, part_x, r)
@@ -283,7 +297,7 @@ def _fit_places(  # type: ignore[no-untyped-def]
         for k in range(n_pitches):
             slope, energy = _row(
                 harmonics[i, k], down, right, first[k], pitch_px[k],
-                places[0, i], places[1, i], gain[k], response,
+                places[0, i], places[1, i], gain[i, k], response,
             )  # fmt: skip
             spread = variance[i] * noise_gains[k] / energy + (model[k] * white[i]) ** 2 + 1e-30
             square += slope * slope / spread

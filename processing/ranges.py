@@ -17,7 +17,7 @@ pixel has its own spectrum of ranges.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from processing.accounts import Account, opaque, spread_grid, translucent
 from processing.blur import Blur
 from processing.correspondence import Correspondence, decode
-from processing.depth_edges import Setting, fit_two_places, near_jumps, seen_beside
+from processing.depth_edges import Seen, Setting, fit_two_places, near_jumps, seen_beside
+from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
 from processing.optics import (
     NOISE_UNKNOWN,
@@ -53,6 +54,16 @@ Array = NDArray[np.float64]
 _LEAST_COHERENCE = 0.8
 # Creases look translucent within some finest pitches' width, measured on the projector.
 _CREASE_PITCHES = 3.0
+# Lines beside a block whose places its footprints need.
+_HALO = 2
+# Part of the time that fitting takes; the rest goes to depth edges.
+_FIT_SHARE = 0.9
+
+Progress = Callable[[float], object]
+
+
+def _unheard(_done: float) -> None:
+    """Progress that nobody asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +82,23 @@ class _Optics:
         variance: Array = constant + rise * np.maximum(light, 0)
         return variance
 
+    def gains(self, shapes: Array) -> Array:
+        """(n, pitches, 2, colours) for (3, n) footprints."""
+        return np.stack(
+            [
+                one.gains(table.pitch_px, table.varies, shapes)
+                for one, table in zip(self.blur, self.tables, strict=True)
+            ],
+            axis=-1,
+        )
+
 
 def decompose_ranges(
-    stack: HarmonicsStack, mask: NDArray[np.bool_], *, blur: Sequence[Blur] | None = None
+    stack: HarmonicsStack,
+    mask: NDArray[np.bool_],
+    *,
+    blur: Sequence[Blur] | None = None,
+    progress: Progress = _unheard,
 ) -> RangeDecomposition:
     """Take the light of a scene apart by its range.
 
@@ -85,6 +110,8 @@ def decompose_ranges(
         bool, (height, width), True where a pixel is usable.
     blur
         Of each colour, where it is known (from a board); measured where it is not given.
+    progress
+        Told the part of the work that is done, rising to 1.
     """
     white = stack.white()
     _check(mask, white, blur)
@@ -106,13 +133,10 @@ def decompose_ranges(
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     optics = _Optics(tuple(blur), tables, noise, gains, accounts)
-    fits, coherence, places = _fit_blocks(stack, white, mask, optics)
-    scale_px = projector_px_per_px(places, mask)
-    settled = _settle_edges(
-        stack, white, near_jumps(places, mask, scale_px), places, scale_px, optics, fits
-    )
-    least_px = _CREASE_PITCHES * pitch_px.min() / scale_px
-    found = translucent_map(fits.gain, mask, least_px)
+    fits, coherence, places = _fit_blocks(stack, white, mask, optics, progress)
+    settled, suspects = _settle_edges(stack, white, places, mask, optics, fits, progress)
+    least_px = _CREASE_PITCHES * pitch_px.min() / projector_px_per_px(places, mask)
+    found = translucent_map(fits.gain, mask, least_px, ~suspects)
     if not all(design.is_grid for design in stack.designs):
         found[:] = False
         warnings += (_NO_GRID,)
@@ -126,8 +150,16 @@ def decompose_ranges(
         blur=tuple(blur),
         noise=np.sqrt(noise @ half_lit),
     )
-    _, spectra = _fitted(stack, sample.harmonics, sample.white, optics)
+    spectra = _fitted(_sampled(stack, sample, optics), optics)
     return assemble(capture, fits, found, spectra, warnings + _cautions(coherence[mask & ~settled]))
+
+
+def _sampled(stack: HarmonicsStack, sample: Sample, optics: _Optics) -> _Located:
+    """The pixels of the sample."""
+    places = decode(sample.harmonics, stack.designs, optics.tables, stack.projector_px)
+    shapes = sample.footprints(places.place_px.mean(axis=-1))
+    light = sample.white.astype(np.float64)
+    return _Located(sample.harmonics, light, places, optics.gains(shapes))
 
 
 def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -> None:
@@ -139,8 +171,45 @@ def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -
         raise ValueError(f"a blur is needed for each colour: {len(blur)} for frames {white.shape}")
 
 
+@dataclass(frozen=True, slots=True)
+class _Located:
+    """n pixels of some lines and what they see; gains are (n, pitches, 2, colours)."""
+
+    harmonics: NDArray[np.complex64]
+    light: Array
+    places: Correspondence
+    gains: Array
+
+
+def _locate(
+    stack: HarmonicsStack, white: Image, mask: NDArray[np.bool_], lines: slice, optics: _Optics
+) -> _Located:
+    """Decode the usable pixels of some lines, with the lines beside them for their footprints."""
+    first, last = max(lines.start - _HALO, 0), min(lines.stop + _HALO, len(mask))
+    wide = slice(first, last)
+    usable = mask[wide]
+    harmonics = stack.harmonics(white, wide)[:, :, usable]
+    places = decode(harmonics, stack.designs, optics.tables, stack.projector_px)
+    around = np.zeros((2, *usable.shape))
+    around[:, usable] = places.place_px.mean(axis=-1)
+    shapes = footprints(around, usable)[:, usable]
+    inner = np.zeros(usable.shape, bool)
+    inner[lines.start - first : lines.stop - first] = True
+    kept = inner[usable]
+    return _Located(
+        np.ascontiguousarray(harmonics[:, :, kept]),
+        white[wide][usable][kept].astype(np.float64),
+        Correspondence(places.place_px[:, kept], places.coherence[kept]),
+        optics.gains(shapes[:, kept]),
+    )
+
+
 def _fit_blocks(
-    stack: HarmonicsStack, white: Image, mask: NDArray[np.bool_], optics: _Optics
+    stack: HarmonicsStack,
+    white: Image,
+    mask: NDArray[np.bool_],
+    optics: _Optics,
+    progress: Progress,
 ) -> tuple[RivalFits, Image, Image]:
     """Fits of all usable pixels, the coherence and the (y, x) of their places."""
     fits, coherence = RivalFits(white.shape), np.zeros(mask.shape, np.float32)
@@ -148,36 +217,39 @@ def _fit_blocks(
     for lines in blocks(mask.shape):
         chosen = mask[lines]
         if chosen.any():
-            harmonics = stack.harmonics(white, lines)[:, :, chosen]
-            places, pairs = _fitted(stack, harmonics, white[lines][chosen], optics)
-            fits.add(lines, chosen, pairs)
-            coherence[lines][chosen] = places.coherence
-            places_px[:, lines][:, chosen] = places.place_px.mean(axis=-1)
+            located = _locate(stack, white, mask, lines, optics)
+            fits.add(lines, chosen, _fitted(located, optics))
+            coherence[lines][chosen] = located.places.coherence
+            places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
+        progress(_FIT_SHARE * min(lines.stop / len(mask), 1.0))
     return fits, coherence, places_px
 
 
 def _settle_edges(
     stack: HarmonicsStack,
     white: Image,
-    suspects: NDArray[np.bool_],
     places_px: Image,
-    scale_px: float,
+    mask: NDArray[np.bool_],
     optics: _Optics,
     fits: RivalFits,
-) -> NDArray[np.bool_]:
-    """Give pixels that see two places the direct light of both; True where that was done."""
-    setting = Setting(
-        stack.designs, stack.projector_px, optics.tables, optics.blur, optics.noise_gains
-    )
+    progress: Progress,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Give pixels that see two places the direct light of both; where that was done, and tried."""
+    scale_px = projector_px_per_px(places_px, mask)
+    suspects = near_jumps(places_px, mask, scale_px)
+    setting = Setting(stack.designs, stack.projector_px, optics.tables, optics.noise_gains)
     settled = np.zeros(suspects.shape, bool)
     for lines in blocks(suspects.shape):
         chosen = suspects[lines]
+        progress(_FIT_SHARE + (1 - _FIT_SHARE) * min(lines.stop / len(mask), 1.0))
         if not chosen.any():
             continue
         harmonics = stack.harmonics(white, lines)[:, :, chosen]
         light = white[lines][chosen].astype(np.float64)
         places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
-        two = fit_two_places(setting, harmonics, places, light, optics.variance(light))
+        gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])
+        seen = Seen(harmonics, places, gains, light, optics.variance(light))
+        two = fit_two_places(setting, seen)
         pixels = np.stack(np.nonzero(chosen))
         pixels[0] += lines.start
         found = two.found & seen_beside(places_px, pixels, two.second_px, scale_px)
@@ -188,25 +260,27 @@ def _settle_edges(
             two.deviations[found].astype(np.float32),
         )
         settled[pixels[0], pixels[1]] = True
-    return settled
+    return settled, suspects
 
 
-def _fitted(
-    stack: HarmonicsStack, harmonics: NDArray[np.complex64], white: Image, optics: _Optics
-) -> tuple[Correspondence, Fits]:
-    """Places of n pixels, and both accounts of each colour."""
-    places = decode(harmonics, stack.designs, optics.tables, stack.projector_px)
+def _fitted(located: _Located, optics: _Optics) -> Fits:
+    """Both accounts of each colour."""
     fits = []
-    variance = optics.variance(white.astype(np.float64))
-    for colour, (tables, blur) in enumerate(zip(optics.tables, optics.blur, strict=True)):
-        light = white[:, colour].astype(np.float64)
+    variance = optics.variance(located.light)
+    for colour, tables in enumerate(optics.tables):
         fits.append(
             fit_places(
-                harmonics[..., colour], places.place_px[..., colour], tables, blur,
-                optics.accounts, light, variance[:, colour].copy(), optics.noise_gains,
+                located.harmonics[..., colour],
+                located.places.place_px[..., colour],
+                tables,
+                np.ascontiguousarray(located.gains[..., colour]),
+                optics.accounts,
+                np.ascontiguousarray(located.light[:, colour]),
+                np.ascontiguousarray(variance[:, colour]),
+                optics.noise_gains,
             )
-        )  # fmt: skip
-    return places, fits
+        )
+    return fits
 
 
 _NO_GRID = (

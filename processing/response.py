@@ -47,6 +47,8 @@ class ResponseTables:
         (pitches,).
     spread_px
         (spreads,), standard deviations; the first, 0, is light that does not travel.
+    varies
+        float64, (pitches, 2): 1 where the patterns vary down or to the right, else 0.
     blur_px2, box_px
         Variance a side of the blur that everything is seen through, and the width of the uniform
         part of it.
@@ -59,6 +61,7 @@ class ResponseTables:
     first: NDArray[np.int64]
     pitch_px: NDArray[np.float64]
     spread_px: NDArray[np.float64]
+    varies: NDArray[np.float64]
     blur_px2: float
     box_px: float
 
@@ -98,6 +101,7 @@ class ResponseTables:
             np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64),
             np.array([design.pitch_px for design in designs], np.float64),
             spreads,
+            np.array([[d.family.varies_down, d.family.varies_right] for d in designs], np.float64),
             blur_px2,
             box_px,
         )

@@ -19,9 +19,9 @@ Image = NDArray[np.float32]
 
 # χ² by which the translucent account must be better, on the mean of a neighbourhood; it has
 # five more unknowns a colour.
-EVIDENCE = 20.0
+EVIDENCE = 8.0
 # What suffices beside pixels of strong evidence, where neighbourhoods reach over the border.
-_WEAK_EVIDENCE = 5.0
+_WEAK_EVIDENCE = 3.0
 _NEIGHBOURHOOD_PX = (5, 3)
 
 
@@ -96,7 +96,10 @@ class RivalFits:
 
 
 def translucent_map(
-    gain: NDArray[np.float32], usable: NDArray[np.bool_], least_px: float
+    gain: NDArray[np.float32],
+    usable: NDArray[np.bool_],
+    least_px: float,
+    voting: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """Where the evidence says translucent.
 
@@ -110,19 +113,27 @@ def translucent_map(
         float32, (height, width): χ² of the opaque account less that of the translucent one,
         summed over the colours.
     usable
-        bool, (height, width): pixels that may vote.
+        bool, (height, width): pixels of which there is evidence.
+    voting
+        bool, (height, width): those whose evidence counts; pixels that see two places have none
+        of their own and follow their neighbours. None: all.
     least_px
         Diameter, in camera pixels, of the discs that a translucent region is made of.
 
     Returns
     -------
     bool, (height, width): where the mean over 5 × 5 and over 3 × 3 usable pixels exceed
-    `EVIDENCE`, opened by a disc, and what borders on it with weaker evidence.
+    `EVIDENCE`, opened by a disc, what borders on it with weaker evidence, and the holes in it:
+    shaded parts of a translucent object, and its rim, say little.
     """
-    votes = np.where(usable, gain, 0).astype(np.float64)
-    wide, narrow = (_local_mean(votes, usable, side) for side in _NEIGHBOURHOOD_PX)
+    counted = usable if voting is None else usable & voting
+    votes = np.where(counted, gain, 0).astype(np.float64)
+    wide, narrow = (_local_mean(votes, counted, side) for side in _NEIGHBOURHOOD_PX)
     strong = (wide > EVIDENCE) & (narrow > EVIDENCE)
-    return usable & (narrow > _WEAK_EVIDENCE) & _opened(strong | ~usable, least_px / 2)
+    found = (narrow > _WEAK_EVIDENCE) & _opened(strong | ~usable, least_px / 2)
+    if found.any():
+        found = ndimage.binary_fill_holes(_closed(found, least_px / 2))
+    return usable & found
 
 
 def _local_mean(
@@ -132,6 +143,15 @@ def _local_mean(
     count = ndimage.uniform_filter(usable.astype(np.float64), side, mode="nearest")
     mean: NDArray[np.float64] = ndimage.uniform_filter(values, side, mode="nearest")
     return mean / np.maximum(count, 1e-9)
+
+
+def _closed(region: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
+    """With what lies between its parts, less than a disc apart."""
+    margin = int(np.ceil(radius_px)) + 1
+    padded = np.pad(region, margin)
+    wide = ndimage.distance_transform_edt(~padded) <= radius_px
+    closed: NDArray[np.bool_] = ndimage.distance_transform_edt(wide) > radius_px
+    return (closed | padded)[margin:-margin, margin:-margin]
 
 
 def _opened(region: NDArray[np.bool_], radius_px: float) -> NDArray[np.bool_]:
