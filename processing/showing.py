@@ -53,6 +53,7 @@ OTHER_AT = 0.35
 LEAST_EXPLAINED = 0.5
 EXPLAINS_BLOCKS = 0.97
 LEAST_NOISE = 1e-10
+COMPUTED_NOISE = 1e-9
 
 
 class Finding(StrEnum):
@@ -145,6 +146,8 @@ class Kind:
         (n,), half of white and black; None where they were not captured.
     noise
         Variance of a sample's noise, for kinds without three complementary pairs.
+    repeated
+        bool, (frames,): the file is that of the exposure before, byte for byte.
     """
 
     frames: Samples
@@ -156,6 +159,7 @@ class Kind:
     black: Array
     mean: Array | None
     noise: float
+    repeated: NDArray[np.bool_]
 
 
 def judge(kind: Kind) -> tuple[Judgement, ...]:
@@ -169,12 +173,18 @@ def judge(kind: Kind) -> tuple[Judgement, ...]:
     noise = max(kind.noise if measured is None else measured, LEAST_NOISE)
     partner = dict(complements(kind.covariance))
     partner |= {second: first for first, second in partner.items()}
-    trusted = np.ones(len(kind.frames), bool)
+    # Frames without any noise are computed ones, in which equal files prove nothing.
+    repeated = kind.repeated & (noise > COMPUTED_NOISE)
+    trusted = ~repeated
     accused: dict[int, Judgement] = {}
     while True:
         found = list(_hearing(kind, trusted, noise))
         suspects = [int(k) for k in np.flatnonzero(trusted) if found[k].is_wrong]
         if not suspects:
+            for again in map(int, np.flatnonzero(repeated)):
+                found[again] = replace(
+                    found[again], finding=Finding.PREVIOUS, change=0.0, certainty=Certainty.WHOLE
+                )
             for k, judgement in accused.items():
                 if found[k].certainty < judgement.certainty:
                     found[k] = judgement
@@ -221,14 +231,17 @@ def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> 
     n_frames, n = kind.frames.shape
     expected = predicted.contrast * kind.change
     power = _distance(kind.frames, kind.before) - 2 * predicted.noise
-    due = predicted.mean + predicted.deviations - predicted.residuals
+    partner = dict(complements(kind.covariance))
+    partner |= {second: first for first, second in partner.items()}
     for k in range(n_frames):
-        j = kind.before_index[k]
+        j = int(kind.before_index[k])
         if j >= 0 and not trusted[j]:
             power[k] = np.nan
-        if j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS and predicted.weights[j, k] < 0.1:
-            own = predicted.noise * (1 + float(np.sum(predicted.weights[j] ** 2)))
-            power[k] = np.fmin(power[k], _distance(kind.frames[k : k + 1], due[j : j + 1])[0] - own)
+        other = partner.get(j, k)
+        if other != k and trusted[other]:
+            due = predicted.mean - predicted.deviations[other]
+            away = _distance(kind.frames[k : k + 1], due[np.newaxis])[0]
+            power[k] = np.fmin(power[k], away - 2 * predicted.noise)
     # Six standard deviations of the noise's mean square.
     visible = expected > 6 * 2 * predicted.noise * np.sqrt(2 / n) / SAME_AT
     changes: Array = np.where(visible, power / np.maximum(expected, 1e-30), np.nan)

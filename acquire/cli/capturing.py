@@ -9,10 +9,11 @@ from typing import Annotated
 
 import typer
 
+from acquire import bag
 from acquire.cli.bench import PortOption, capture_page, setting_of
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
-from acquire.errors import PlanError
+from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text, read_plan
 from acquire.proof import FrameProof, examine, verdict
@@ -107,7 +108,7 @@ def import_command(
 
 
 def verify_command(
-    folder: Annotated[Path, typer.Argument(metavar="SESSION")],
+    folder: Annotated[Path, typer.Argument(metavar="SESSION|FILE")],
     images: Annotated[
         bool, typer.Option("--images", help="Judge again whether every frame shows its pattern.")
     ] = False,
@@ -115,6 +116,9 @@ def verify_command(
     quiet: Quiet = False,
 ) -> None:
     """Check every file and every digest of a session, and what its frames show."""
+    if folder.is_file():
+        _verify_packed(folder, images=images, as_json=as_json, quiet=quiet)
+        return
     session = Session.open(folder)
     found: list[str] = []
     proofs: list[FrameProof] = []
@@ -154,6 +158,27 @@ def verify_command(
         count = len(found) + len(wrong)
         typer.echo(f"{folder}: {state}, " + (f"{count} problem(s)" if count else _sound(images)))
     if found or wrong:
+        raise typer.Exit(1)
+
+
+def _verify_packed(path: Path, *, images: bool, as_json: bool, quiet: bool) -> None:
+    if images:
+        raise SessionError(f"{path} is packed: `lumisplit unpack` it to judge its frames.")
+    with bag.opened(path) as content, ProgressDisplay(quiet=quiet) as progress:
+        progress.stage("verifying", len(content.manifest))
+        found = []
+        for problem in bag.problems(content):
+            found += [problem] if problem else []
+            progress.advance()
+    if as_json:
+        files = len(content.manifest)
+        typer.echo(json.dumps({"bag": str(path), "files": files, "problems": found}, indent=1))
+    else:
+        for line in found:
+            typer.echo(line)
+        count = f"{len(found)} problem(s)" if found else "every digest is right"
+        typer.echo(f"{path}: {len(content.manifest)} files, {count}")
+    if found:
         raise typer.Exit(1)
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import bench, calibrating, capturing, devices, processing, results
+from acquire.cli import bench, calibrating, capturing, devices, packing, processing, results
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -29,6 +29,7 @@ app = typer.Typer(
 capturing.register(app)
 bench.register(app)
 processing.register(app)
+packing.register(app)
 results.register(app)
 devices.register(app)
 calibrating.register(app)

@@ -15,7 +15,7 @@ from acquire.proof.units import Unit, units_of
 from acquire.session import FrameRecord
 from processing.noise import noise_deviation
 from processing.patterns import Family, Pattern
-from processing.prediction import code_covariance, complements, pair_noise
+from processing.prediction import code_covariance, complements
 from processing.references import adds_up, both_show, later_reference
 from processing.registration import movement
 from processing.showing import Finding, Judgement, Kind, block_labels, judge
@@ -24,8 +24,6 @@ from processing.showing import Finding, Judgement, Kind, block_labels, judge
 UNLIT = 0.01
 LOOKED_AT = 0.03
 FEWEST_PLACES = 50
-# Frames without any noise are computed ones, in which equal files prove nothing.
-LEAST_NOISE = 1e-9
 LARGEST_PROJECTOR_PX = 2400, 4096
 MOST_CODE_PX = 256
 
@@ -160,7 +158,6 @@ class Examination:
             return tuple(self._plain(step, Finding.UNSEEN) for step in unit.steps)
         kind = self._kind(unit, white, black, lit)
         judgements = list(judge(kind))
-        self._compare_files(unit, kind, judgements)
         proofs = self._figures(unit, kind, judgements, white, black, lit)
         accused = self._accused_references(kind, judgements, white, black, lit)
         return (*proofs, *accused)
@@ -222,6 +219,7 @@ class Examination:
             black=dark,
             mean=mean,
             noise=self._noise_of(self._at(unit.steps[0])),
+            repeated=np.array([self._is_repeated(step) for step in unit.steps]),
         )
 
     def _covariance_of(self, unit: Unit) -> NDArray[np.float64]:
@@ -255,22 +253,14 @@ class Examination:
         usable = np.ones(window.shape, bool)
         return noise_deviation(window[..., np.newaxis], usable) ** 2
 
-    def _compare_files(self, unit: Unit, kind: Kind, judgements: list[Judgement]) -> None:
-        """A file that is that of the exposure before, byte for byte, is the one before."""
-        measured = pair_noise(kind.frames, kind.covariance)
-        if (kind.noise if measured is None else measured) < LEAST_NOISE:
-            return
-        for k, step in enumerate(unit.steps):
-            number = self._current[step]
-            before, own = self._lines.get(number - 1), self._lines[number].record
-            if before is None or own.raster_sha256 is None:
-                continue
-            same = before.record.sha256 == own.sha256
-            if same and before.record.raster_sha256 != own.raster_sha256:
-                one = judgements[k]
-                judgements[k] = Judgement(
-                    Finding.PREVIOUS, 0.0, one.level, one.residual, one.gain, one.certainty
-                )
+    def _is_repeated(self, step: int) -> bool:
+        """The file is that of the exposure before, although another raster was shown."""
+        number = self._current[step]
+        before, own = self._lines.get(number - 1), self._lines[number].record
+        if before is None or own.raster_sha256 is None:
+            return False
+        same = before.record.sha256 == own.sha256
+        return same and before.record.raster_sha256 != own.raster_sha256
 
     def _figures(
         self,
