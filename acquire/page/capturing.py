@@ -46,13 +46,13 @@ class CapturePage:
     def frame_kept(self, step: Step, total: int) -> None:
         """A frame is on the disk."""
         self._observer.frame_kept(step, total)
-        done, now_s = step.index + 1, time.monotonic()
+        known = self._desk.snapshot.progress
+        done, now_s = max(step.index + 1, known.done if known else 0), time.monotonic()
         if self._first_s is None:
             self._first_s, self._rested_s = now_s, 0.0
             progress = Progress(done, total, done)
         else:
-            before = self._desk.snapshot.progress
-            first = done if before is None else before.done_before
+            first = done if known is None else known.done_before
             progress = Progress(done, total, first, now_s - self._first_s - self._rested_s)
         self._desk.change(lambda snapshot: replace(snapshot, progress=progress))
 

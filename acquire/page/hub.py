@@ -241,7 +241,8 @@ def _last_frame(tail: SessionTail) -> tuple[Negative, dict[str, Any]]:
         raise LumisplitError("The session has no frame yet.")
     picture = tail.picture(record)
     about = record.model_dump(mode="json", exclude={"file"})
-    return picture, about | {"light": asdict(tail.light(record, picture))}
+    seen = {"light": asdict(tail.light(record, picture)), "proofs": asdict(tail.proofs())}
+    return picture, about | seen
 
 
 def _drawn(what: str, projector_px: tuple[int, int], gamma: float) -> bytes:

@@ -11,12 +11,14 @@ from pydantic import ValidationError
 
 from acquire.errors import SessionError
 from acquire.page.darkroom import Negative, negative
+from acquire.proof.records import FrameProof, read_proofs
 from acquire.session import FrameRecord
 from acquire.session.folder import read_plain
 from acquire.session.store import LINES
 from processing.patterns import Family
 
 PIECE_BYTES = 16_384
+MAX_WRONG = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,25 @@ class Light:
 
     measured: float | None
     expected: float
+
+
+@dataclass(frozen=True, slots=True)
+class Proofs:
+    """What the frames were found to show.
+
+    Parameters
+    ----------
+    judged
+        Steps of the plan whose frame was judged.
+    retaken
+        Frames that were taken again.
+    wrong
+        In words, the last of those that are still wrong.
+    """
+
+    judged: int
+    retaken: int
+    wrong: tuple[str, ...]
 
 
 class SessionTail:
@@ -52,6 +73,17 @@ class SessionTail:
         """The last whole line; None while there is none."""
         records = self._records(from_end=True)
         return records[-1] if records else None
+
+    def proofs(self) -> Proofs:
+        """How many frames were judged so far, and what was found wrong."""
+        found = read_proofs(self._folder)
+        last: dict[int, FrameProof] = {}
+        for (step, _), proof in sorted(found.items()):
+            last[step] = proof
+        wrong = tuple(
+            f"step {proof.step} {proof.in_words}" for proof in last.values() if proof.is_wrong
+        )
+        return Proofs(len(last), len(found) - len(last), wrong[-MAX_WRONG:])
 
     def picture(self, record: FrameRecord) -> Negative:
         """The file of a line, decoded."""

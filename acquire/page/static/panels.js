@@ -84,12 +84,16 @@ export function showFrame(frame) {
   put("frame", frame ? `${frame.step}: ${frame.pattern}, ${bytes(frame.size_bytes)}` : "–");
   put("exposed", frame?.settings ? inWords(frame.settings) : "–");
   put("proof", frame ? proof(frame) : "–");
+  element("proof").classList.toggle("differs", Boolean(frame?.proofs.wrong.length));
 }
 
 function proof(frame) {
   const words = ["settings as planned"];
   if (frame.light.measured != null)
     words.push(`light ${frame.light.measured.toFixed(3)} of white, pattern ${frame.light.expected.toFixed(3)}`);
+  const { judged, retaken, wrong } = frame.proofs;
+  if (judged) words.push(`${judged} frames judged, ${wrong.length ? wrong.join(", ") : "each shows its pattern"}`);
+  if (retaken) words.push(`${retaken} taken again`);
   if (frame.raster_sha256) words.push(`raster ${frame.raster_sha256.slice(0, 8)}…`);
   return words.join("; ");
 }
