@@ -20,6 +20,10 @@ import threading
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
 VIEWERS = 3
 PLAN = "[pattern]\npitch_px = [8, 16]\n"
 BENCH = """kind = "sim"
@@ -33,10 +37,6 @@ real_time = true
 
 def look(address: str, seen: list[int]) -> None:
     """Be one viewer until the page ends."""
-    from websockets.exceptions import ConnectionClosed
-    from websockets.sync.client import connect
-    from websockets.typing import Origin
-
     parts = urlsplit(address)
     origin = Origin(f"http://{parts.netloc}")
     socket = f"ws://{parts.netloc}{parts.path}socket"
@@ -55,7 +55,7 @@ def run(folder: Path, *, page: bool) -> tuple[float, int]:
     """Frames a minute of one capture, and how many pictures its viewers got."""
     session = folder / "s"
     command = ["capture", "plan.toml", "--out", "s", "--bench", "bench.toml"]
-    process = subprocess.Popen(
+    process = subprocess.Popen(  # noqa: S603 - this interpreter and this project
         [sys.executable, "-m", "acquire", *command, *(["--page"] if page else [])],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
@@ -67,7 +67,7 @@ def run(folder: Path, *, page: bool) -> tuple[float, int]:
     pictures = 0
     if page:
         address = process.stdout.readline().split()[-1]
-        viewers = subprocess.run(
+        viewers = subprocess.run(  # noqa: S603 - this file
             [sys.executable, __file__, "--look", address],
             capture_output=True,
             text=True,

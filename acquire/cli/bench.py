@@ -49,6 +49,9 @@ def bench_command(
     ] = None,
     port: PortOption = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="A line for every frame.")
+    ] = False,
 ) -> None:
     """Aim, focus and capture from a page in the browser, until Ctrl-C."""
     from acquire.page.bench import Job, PagedBench
@@ -60,7 +63,7 @@ def bench_command(
     setting = setting_of(bench, plan, out, can_aim=True)
     with (
         stop_on_signals() as stop,
-        ProgressDisplay(quiet=quiet) as progress,
+        ProgressDisplay(quiet=quiet, verbose=verbose) as progress,
         paged(setting, port, progress) as desk,
     ):
         paged_bench = PagedBench(bench, Job(plan, out), desk, progress, stop)
@@ -85,8 +88,10 @@ def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bo
 
 
 @contextmanager
-def paged(setting: Setting, port: int, progress: ProgressDisplay) -> Iterator[Desk]:
-    """Serve a page and print its address."""
+def paged(
+    setting: Setting, port: int, progress: ProgressDisplay, *, aside: bool = False
+) -> Iterator[Desk]:
+    """Serve a page and print its address, `aside` on standard error."""
     from acquire.page.desk import Desk
     from acquire.page.link import open_page
 
@@ -94,7 +99,7 @@ def paged(setting: Setting, port: int, progress: ProgressDisplay) -> Iterator[De
         progress.warning("the page at the bench has ended; the work goes on without it")
 
     with open_page(setting, port, gone) as link:
-        typer.echo(f"page: {link.address}")
+        typer.echo(f"page: {link.address}", err=aside)
         yield Desk(link, progress.say)
 
 
@@ -105,11 +110,13 @@ def capture_page(
     progress: ProgressDisplay,
     stop: threading.Event,
     counts: tuple[int, int],
+    *,
+    aside: bool = False,
 ) -> Iterator[CapturePage]:
     """The page of a capture that begins now; `counts` are frames on the disk and in the plan."""
     from acquire.page.capturing import CapturePage
 
-    with paged(setting, port, progress) as desk:
+    with paged(setting, port, progress, aside=aside) as desk:
         page = CapturePage(desk, progress, stop, *counts)
         desk.listen(page.obey)
         yield page

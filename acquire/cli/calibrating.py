@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquire.cli.capturing import STOPPED_STATUS, Quiet
+from acquire.cli.capturing import STOPPED_STATUS, Quiet, Verbose
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import ProfileError
@@ -68,6 +68,7 @@ def calibrate_command(
     ] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the profile.")] = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Measure the bench: captures a plan of its own, fits it, writes profile and page."""
     from acquire.calibrating import calibrate, recorded_sessions
@@ -80,8 +81,9 @@ def calibrate_command(
     if bench is None and session is not None:
         sessions = recorded_sessions(session)
     else:
-        sessions = _captured(calibration, plan, exposure, bench or "sim", folder, quiet=quiet)
-    with ProgressDisplay(quiet=quiet) as progress:
+        progress = ProgressDisplay(quiet=quiet, verbose=verbose)
+        sessions = _captured(calibration, plan, exposure, bench or "sim", folder, progress)
+    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
         calibrated = calibrate(calibration, sessions, out, progress)
     page = write_page(out, calibrated, calibration.purpose)
     if as_json:
@@ -112,15 +114,14 @@ def _captured(
     exposure_s: float | None,
     bench_name: str,
     folder: Path,
-    *,
-    quiet: bool,
+    progress: ProgressDisplay,
 ) -> list[Session]:
     from acquire.calibrating.run import capture_all
 
     bench = find_bench(bench_name)
     setting = _setting(plan_path, exposure_s, bench.resolution)
     typer.echo(f"{calibration.kind}: {calibration.purpose}", err=True)
-    with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
+    with stop_on_signals() as stop, progress:
         sessions, outcome = capture_all(calibration, setting, bench, folder, progress, stop)
     if outcome is Outcome.STOPPED:
         typer.echo(f"stopped; the same command goes on with {folder}", err=True)

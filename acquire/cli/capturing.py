@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,6 +29,10 @@ BenchOption = Annotated[
     typer.Option("--bench", help="sim, lab, replay:SESSION or the path of a bench file (TOML)."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the outcome.")]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="A line for every frame: what it was, its time.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 STOPPED_STATUS = 130
 
 
@@ -53,6 +57,7 @@ def plan_command(
     example: Annotated[bool, typer.Option("--example", help="Print a commented plan.")] = False,
     bench_name: BenchOption = "sim",
     out: Annotated[Path, typer.Option(help="Where the session would be written.")] = Path(),
+    as_json: AsJson = False,
 ) -> None:
     """Check a plan and print its frames, time and disk; nothing is shown or captured."""
     if example:
@@ -63,7 +68,11 @@ def plan_command(
     plan = read_plan(plan_path)
     bench = find_bench(bench_name)
     check_fits(plan, bench.resolution, bench.name)
-    _print_cost(plan, bench, out)
+    cost = _cost(plan, bench, out)
+    if as_json:
+        typer.echo(json.dumps(cost, indent=1))
+    else:
+        _print_cost(cost)
     check_room(out, len(plan) * bench.frame_bytes)
 
 
@@ -80,12 +89,17 @@ def capture_command(
     ] = False,
     page: Annotated[bool, typer.Option("--page", help="Show it on a page in the browser.")] = False,
     port: PortOption = 0,
+    as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
     plan, bench = read_plan(plan_path), find_bench(bench_name)
     where = port if page else None
-    run_capture(plan, bench, out, quiet=quiet, keep_unproven=keep_unproven, port=where)
+    progress = ProgressDisplay(quiet=quiet, verbose=verbose)
+    run_capture(
+        plan, bench, out, progress, keep_unproven=keep_unproven, port=where, as_json=as_json
+    )
 
 
 def import_command(
@@ -95,11 +109,12 @@ def import_command(
         TransferChoice, typer.Option(help="auto: 8-bit pictures are sRGB, all others linear.")
     ] = TransferChoice.AUTO,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Turn a stack that somebody else captured into a session."""
     from acquire.table import import_table
 
-    with ProgressDisplay(quiet=quiet) as progress:
+    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
         session = import_table(table, out, transfer=transfer.value, progress=progress)
     typer.echo(f"{len(session.frames)} frames imported into {out}")
     for note in session.record.source.notes if session.record.source else ():
@@ -114,6 +129,7 @@ def verify_command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Check every file and every digest of a session, and what its frames show."""
     if folder.is_file():
@@ -122,7 +138,7 @@ def verify_command(
     session = Session.open(folder)
     found: list[str] = []
     proofs: list[FrameProof] = []
-    with ProgressDisplay(quiet=quiet) as progress:
+    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
         progress.stage("verifying", len(session.lines))
         for problem in problems(session):
             if problem is not None:
@@ -195,26 +211,31 @@ def run_capture(
     plan: Plan,
     bench: Bench,
     out: Path,
+    progress: ProgressDisplay,
     *,
-    quiet: bool,
     keep_unproven: bool = False,
     port: int | None = None,
+    as_json: bool = False,
 ) -> Session:
-    """Capture with progress, and with a page on `port` unless None.
+    """Capture with progress, and with a page on `port` unless None; says how it went.
 
     Exits with status 130 when it was asked to stop.
     """
     done = len(Session.open(out).frames) if Session.exists(out) else 0
-    with stop_on_signals() as stop, ProgressDisplay(quiet=quiet) as progress:
+    with stop_on_signals() as stop, progress:
         progress.stage("capturing", len(plan), done)
         if port is None:
             session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
         else:
             setting = setting_of(bench, plan, out, can_aim=False)
-            with capture_page(setting, port, progress, stop, (done, len(plan))) as page:
+            counts = done, len(plan)
+            with capture_page(setting, port, progress, stop, counts, aside=as_json) as page:
                 session, outcome = record(
                     plan, bench, out, page, stop, page.pause, keep_unproven=keep_unproven
                 )
+    again = len(session.lines) - len(session.frames)
+    if as_json:
+        typer.echo(json.dumps(_outcome(session, outcome, again), indent=1))
     if outcome is Outcome.STOPPED:
         typer.echo(
             f"stopped: {len(session.frames)} of {len(plan)} frames are in {out}; "
@@ -222,22 +243,47 @@ def run_capture(
             err=True,
         )
         raise typer.Exit(STOPPED_STATUS)
-    again = len(session.lines) - len(session.frames)
     taken = f", {again} taken again because they did not show their pattern" if again else ""
-    typer.echo(f"{len(session.frames)} frames in {out}{taken}")
+    if not as_json:
+        typer.echo(f"{len(session.frames)} frames in {out}{taken}")
     return session
 
 
-def _print_cost(plan: Plan, bench: Bench, out: Path) -> None:
+def _outcome(session: Session, outcome: Outcome, again: int) -> dict[str, Any]:
+    return {
+        "session": str(session.folder),
+        "outcome": outcome.value,
+        "frames": len(session.frames),
+        "total": len(session.plan),
+        "taken_again": again,
+        "plan_sha256": session.record.plan_sha256,
+    }
+
+
+def _cost(plan: Plan, bench: Bench, out: Path) -> dict[str, Any]:
     pitches = sorted({p.pitch_px for p in plan.patterns if p.family.is_separable})
     each_s = plan.projector.settle_s + plan.exposed_s / len(plan) + bench.frame_s
-    height, width = bench.resolution
-    minutes, seconds = divmod(round(len(plan) * each_s), 60)
-    typer.echo(f"bench    {bench.name}, projector {width} × {height} px")
+    return {
+        "bench": bench.name,
+        "projector_px": list(bench.resolution),
+        "pitches_px": pitches,
+        "frames": len(plan),
+        "frame_s": each_s,
+        "time_s": len(plan) * each_s,
+        "disk_bytes": len(plan) * bench.frame_bytes,
+        "free_bytes": free_bytes(out),
+        "plan_sha256": plan.sha256,
+    }
+
+
+def _print_cost(cost: dict[str, Any]) -> None:
+    height, width = cost["projector_px"]
+    pitches = cost["pitches_px"]
+    minutes, seconds = divmod(round(cost["time_s"]), 60)
+    typer.echo(f"bench    {cost['bench']}, projector {width} × {height} px")
     typer.echo(f"pitches  {len(pitches)}: {', '.join(map(str, pitches))} px")
-    typer.echo(f"frames   {len(plan)}")
-    typer.echo(f"time     about {minutes} min {seconds} s, {each_s:.2f} s a frame")
+    typer.echo(f"frames   {cost['frames']}")
+    typer.echo(f"time     about {minutes} min {seconds} s, {cost['frame_s']:.2f} s a frame")
     typer.echo(
-        f"disk     {len(plan) * bench.frame_bytes / 1e6:.1f} MB, "
-        f"{free_bytes(out) / 1e9:.1f} GB free"
+        f"disk     {cost['disk_bytes'] / 1e6:.1f} MB, {cost['free_bytes'] / 1e9:.1f} GB free"
     )

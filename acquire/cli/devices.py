@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from acquire.cli.capturing import AsJson
 from acquire.cli.interruption import stop_on_signals
 from acquire.errors import BenchError, StorageError
 from acquire.rig import doctor, hardware
@@ -50,8 +51,11 @@ def doctor_command(
 
 
 @projector_app.command("list")
-def projector_list() -> None:
+def projector_list(as_json: AsJson = False) -> None:
     """List monitors: connector, name, size, position, rate."""
+    if as_json:
+        typer.echo(json.dumps([asdict(monitor) for monitor in hardware.monitors()], indent=1))
+        return
     for monitor in hardware.monitors():
         typer.echo(str(monitor))
 
@@ -72,9 +76,13 @@ def projector_show(
 
 
 @camera_app.command("list")
-def camera_list() -> None:
+def camera_list(as_json: AsJson = False) -> None:
     """List the cameras on the USB."""
     found = hardware.cameras()
+    if as_json:
+        rows = [asdict(camera) | {"address": camera.address} for camera in found]
+        typer.echo(json.dumps(rows, indent=1))
+        return
     for camera in found:
         ids = f"{camera.vendor:04x}:{camera.product:04x}"
         typer.echo(f"{camera.address}  {ids}  {camera.name or '?'}  {camera.serial_number or '?'}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquire.cli.capturing import Quiet, run_capture
+from acquire.cli.capturing import AsJson, Quiet, Verbose, run_capture
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import ResultError
 from acquire.plan_file import example_text, parse_plan
@@ -39,6 +39,7 @@ def demo_command(
         "lumisplit-demo"
     ),
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """The whole job on a simulated bench: capture, separate, decompose, evaluate, report."""
     from acquire.evaluation import evaluate, read_truth
@@ -46,8 +47,10 @@ def demo_command(
     from acquire.report import write_report
 
     plan = parse_plan(example_text(), "the example plan")
-    session = run_capture(plan, find_bench("sim"), out / "session", quiet=quiet)
-    result = _process(session, out / "result", Options(), quiet=quiet)
+    progress = ProgressDisplay(quiet=quiet, verbose=verbose)
+    session = run_capture(plan, find_bench("sim"), out / "session", progress)
+    progress = ProgressDisplay(quiet=quiet, verbose=verbose)
+    result = _process(session, out / "result", Options(), progress)
     _print_table(evaluate(result, read_truth(out / "session" / TRUTH, result.record.shape)))
     typer.echo(f"report: {write_report(result)}")
 
@@ -92,7 +95,9 @@ def process_command(
             "they see sessions and results under the same paths.",
         ),
     ] = None,
+    as_json: AsJson = False,
     quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Separate every pitch of a session, decompose it and write the report."""
     from acquire.cluster import connected
@@ -100,13 +105,27 @@ def process_command(
     from acquire.report import write_report
 
     options = Options(method, components, iterations, smoothing_px, leak, demosaic)
-    jobs = _jobs(folders, out)
+    jobs, done = _jobs(folders, out), list[dict[str, object]]()
     with nullcontext() if scheduler is None else connected(scheduler) as cluster:
         for folder, result_folder in jobs:
             session = Session.open(folder)
-            result = _process(session, result_folder, options, quiet=quiet, cluster=cluster)
-            typer.echo(f"components: {', '.join(result.record.components)}")
-            typer.echo(f"report: {write_report(result)}")
+            progress = ProgressDisplay(quiet=quiet, verbose=verbose)
+            result = _process(session, result_folder, options, progress, cluster)
+            report = write_report(result)
+            done.append(
+                {
+                    "session": str(folder),
+                    "result": str(result_folder),
+                    "components": list(result.record.components),
+                    "warnings": list(result.record.warnings),
+                    "report": str(report),
+                }
+            )
+            if not as_json:
+                typer.echo(f"components: {', '.join(result.record.components)}")
+                typer.echo(f"report: {report}")
+    if as_json:
+        typer.echo(json.dumps(done, indent=1))
 
 
 def _jobs(folders: list[Path], out: Path) -> list[tuple[Path, Path]]:
@@ -152,13 +171,12 @@ def _process(
     session: Session,
     out: Path,
     options: Options,
-    *,
-    quiet: bool,
+    progress: ProgressDisplay,
     cluster: Cluster | None = None,
 ) -> Result:
     from acquire.pipeline import process
 
-    with ProgressDisplay(quiet=quiet) as progress:
+    with progress:
         result = process(session, out, options, progress, cluster)
     for warning in result.record.warnings:
         typer.echo(f"warning: {warning}", err=True)

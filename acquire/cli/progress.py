@@ -27,10 +27,12 @@ class ProgressDisplay:
     """Shows stages of a job on standard error; speaks both observers' languages.
 
     On a terminal a bar with the time left. Elsewhere a line at the start and the end of each
-    stage and every ten seconds between.
+    stage and every ten seconds between. With `quiet` only warnings; with `verbose` a line for
+    every unit, and its time.
     """
 
-    def __init__(self, *, quiet: bool = False) -> None:
+    def __init__(self, *, quiet: bool = False, verbose: bool = False) -> None:
+        self._verbose = verbose
         self._console = Console(stderr=True)
         self._live = self._console.is_terminal and not quiet
         self._quiet = quiet
@@ -46,7 +48,7 @@ class ProgressDisplay:
         )
         self._task: TaskID | None = None
         self._name, self._total, self._done = "", 0, 0
-        self._began_s = self._spoke_s = time.monotonic()
+        self._began_s = self._spoke_s = self._unit_s = time.monotonic()
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -63,13 +65,14 @@ class ProgressDisplay:
     def stage(self, name: str, total: int, done: int = 0) -> None:
         """A stage of `total` units begins, of which `done` are done already."""
         self._name, self._total, self._done = name, total, done
-        self._began_s = time.monotonic()
+        self._began_s = self._unit_s = time.monotonic()
         self._task = self._bar.add_task(name, total=total, completed=done)
         self._line(f"{name}: {total - done} to do")
 
-    def advance(self) -> None:
-        """One unit of the stage is done."""
+    def advance(self, what: str = "") -> None:
+        """One unit of the stage is done; with --verbose its time and `what` are said."""
         self._done += 1
+        self._time_unit(what)
         if self._task is not None:
             self._bar.advance(self._task)
         now = time.monotonic()
@@ -81,11 +84,18 @@ class ProgressDisplay:
 
     def frame_kept(self, step: Step, total: int) -> None:  # noqa: ARG002 - see sequencer.Observer
         """A frame of a capture is on the disk."""
-        self.advance()
+        self.advance(f", {step.pattern}")
 
     def warning(self, message: str) -> None:
         """Something a person should know; the job goes on."""
         self._console.print(f"warning: {message}", markup=False, highlight=False, soft_wrap=True)
+
+    def _time_unit(self, what: str) -> None:
+        now_s = time.monotonic()
+        if self._verbose:
+            took = f"{now_s - self._unit_s:.3f} s"
+            self.say(f"{self._name}: {self._done} of {self._total}, {took}{what}")
+        self._unit_s = now_s
 
     def say(self, message: str) -> None:
         """A line of news, unless quiet."""

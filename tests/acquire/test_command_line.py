@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -175,3 +176,65 @@ def test_the_command_line_waits_for_no_library_that_only_some_commands_need() ->
 def test_the_help_names_every_method() -> None:
     help_text = CliRunner().invoke(app, ["process", "--help"], env={"COLUMNS": "200"}).output
     assert f"One of: {', '.join(METHODS)}." in help_text
+
+
+def test_scripts_get_json_and_nothing_else(desk: Path) -> None:
+    bench = ["--bench", "{desk}/bench.toml"]
+    plan = json.loads(ran(desk, "plan", "{desk}/plan.toml", *bench, "--json"))
+    assert (plan["frames"], plan["projector_px"]) == (18, [96, 128])
+    assert plan["time_s"] == pytest.approx(18 * 0.25)
+    words = ["capture", f"{desk}/plan.toml", "--bench", f"{desk}/bench.toml", "--out", f"{desk}/s"]
+    captured = json.loads(lumisplit(*words, "--json", "--page", "--quiet").stdout)
+    assert captured["outcome"] == "complete"
+    assert (captured["frames"], captured["total"]) == (18, 18)
+    assert captured["plan_sha256"] == plan["plan_sha256"]
+    command = ["process", f"{desk}/s", "--out", f"{desk}/r", "--method", "iva", "--json"]
+    (processed,) = json.loads(lumisplit(*command, "--quiet").stdout)
+    assert processed["result"] == f"{desk}/r"
+    assert (desk / "r" / "report.html").samefile(processed["report"])
+    assert isinstance(json.loads(ran(desk, "camera", "list", "--json")), list)
+
+
+def test_verbose_says_every_frame(desk: Path) -> None:
+    words = ["capture", f"{desk}/plan.toml", "--bench", f"{desk}/bench.toml", "--out", f"{desk}/s"]
+    lines = lumisplit(*words, "--verbose").stderr.splitlines()
+    said = [line for line in lines if " s, " in line]
+    assert len(said) == 18
+    assert said[0].startswith("capturing: 1 of 18")
+    assert said[0].endswith("white")
+
+
+def test_bash_completes_commands_and_options() -> None:
+    def completed(words: str) -> set[str]:
+        environment = os.environ | {
+            "_LUMISPLIT_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(len(words.split()) - (not words.endswith(" "))),
+        }
+        program = "from acquire.cli.main import app; app(prog_name='lumisplit')"
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment,
+        )
+        return set(done.stdout.split())
+
+    assert {"calibrate", "camera", "capture"} <= completed("lumisplit ca")
+    assert completed("lumisplit camera ") == {"list", "shoot", "simulate"}
+    assert "--page" in completed("lumisplit capture --pa")
+
+
+def test_no_colour_where_it_is_not_wanted() -> None:
+    environment = os.environ | {"NO_COLOR": "1", "TERM": "xterm-256color"}
+    script = f"{sys.executable} -m acquire capture"
+    done = subprocess.run(
+        ["script", "-qec", script, "/dev/null"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert "Missing argument" in done.stdout
+    assert "\x1b[3" not in done.stdout
