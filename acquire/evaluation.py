@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from acquire.errors import ResultError, SessionError
 from acquire.result import PixelClass, Result
 from acquire.session.folder import read_plain
-from processing.metrics import best_assignment, relative_error, relative_error_with_gains
+from processing.metrics import (
+    EstimateError,
+    best_assignment,
+    errors_of,
+    oracle,
+    relative_error,
+    relative_error_with_gains,
+)
 
 PARTS = ("direct", "subsurface", "interreflection")
 MAX_TRUTH_BYTES = 8 << 30
@@ -38,7 +45,8 @@ class Row:
         What stands for it.
     matching
         ``named`` under its own name, ``assigned`` by best assignment, or max/min at the
-        ``finest pitch`` and at the ``oracle's pitch``.
+        ``finest pitch`` and at the ``oracle's pitch``; near and far range from the difference of
+        two pitches, the ``oracle's pitches``.
     error, error_after_gains
         Relative errors; NaN where the truth is zero.
     """
@@ -98,6 +106,7 @@ def evaluate(result: Result, truth: dict[str, Image]) -> Evaluation:
         *_named(result, truth, usable),
         *_assigned(result, truth, usable),
         *_single_pitch(result, truth, usable),
+        *_two_pitches(result, truth, usable),
     ]
     return Evaluation(
         result.record.method, tuple(rows), int(usable.sum()), int(usable.size - usable.sum())
@@ -137,18 +146,45 @@ def _assigned(result: Result, truth: dict[str, Image], usable: NDArray[np.bool_]
 def _single_pitch(
     result: Result, truth: dict[str, Image], usable: NDArray[np.bool_]
 ) -> Iterator[Row]:
-    wholes = {"direct": truth.get("direct")}
+    """Direct and global light at single pitches, as max/min reads them and freed from noise."""
+    pitches = sorted(result.record.pitches, key=lambda pitch: pitch.pitch_px)
+    labels = [f"{pitch.family} {pitch.pitch_px} px" for pitch in pitches]
+    direct = [pitch.direct for pitch in pitches]
+    wholes = {"direct": (truth.get("direct"), (result.pitch_image(path) for path in direct))}
     rest = [image for part, image in truth.items() if part != "direct"]
-    wholes["global"] = np.sum(rest, axis=0) if rest else None
-    for whole, target in wholes.items():
-        if target is None:
-            continue
-        rows = []
-        for pitch in sorted(result.record.pitches, key=lambda pitch: pitch.pitch_px):
-            path = pitch.direct if whole == "direct" else pitch.global_
-            label = f"{pitch.family} {pitch.pitch_px} px"
-            image = result.pitch_image(path)
-            rows.append(_row(whole, label, "finest pitch", image, target, usable))
-        best = min(rows, key=lambda row: row.error)
-        yield rows[0]
-        yield Row(whole, best.estimate, "oracle's pitch", best.error, best.error_after_gains)
+    shades = (result.pitch_image(pitch.global_) for pitch in pitches)
+    wholes["global"] = (np.sum(rest, axis=0) if rest else None, shades)
+    for whole, (target, images) in wholes.items():
+        if target is not None:
+            yield from _pitch_rows(whole, labels, errors_of(images, target, usable), "")
+    corrected = [pitch.corrected for pitch in pitches if pitch.corrected is not None]
+    if "direct" in truth and len(corrected) == len(pitches):
+        estimates = (result.pitch_image(path) for path in corrected)
+        found = errors_of(estimates, truth["direct"], usable)
+        yield from _pitch_rows("direct", labels, found, ", noise corrected")
+
+
+def _pitch_rows(
+    whole: str, labels: list[str], errors: tuple[EstimateError, ...], how: str
+) -> Iterator[Row]:
+    for matching, one in (("finest pitch", errors[0]), ("oracle's pitch", oracle(errors))):
+        yield Row(whole, labels[one.index] + how, matching, one.error, one.error_after_gains)
+
+
+def _two_pitches(
+    result: Result, truth: dict[str, Image], usable: NDArray[np.bool_]
+) -> Iterator[Row]:
+    """Near and far range from the finest pitch and one coarser, chosen by who knows the truth."""
+    finest, *coarser = sorted(result.record.pitches, key=lambda pitch: pitch.pitch_px)
+    parts = [part for part in PARTS[1:] if part in truth and np.any(truth[part][usable])]
+    if not coarser:
+        return
+    direct, white = result.pitch_image(finest.direct), result.white
+    for part in parts:
+        near = part == "subsurface"
+        images = (result.pitch_image(pitch.direct) for pitch in coarser)
+        estimates = (image - direct if near else white - image for image in images)
+        best = oracle(errors_of(estimates, truth[part], usable))
+        other_px = coarser[best.index].pitch_px
+        label = f"{other_px} less {finest.pitch_px} px" if near else f"white less {other_px} px"
+        yield Row(part, label, "oracle's pitches", best.error, best.error_after_gains)

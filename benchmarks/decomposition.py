@@ -4,7 +4,9 @@ Relative errors ‖estimate − truth‖/‖truth‖ over lit, unsaturated pixel
 the best single gain a colour in parentheses. The single pitch is max and min with the complement,
 at the pitch that only the truth can choose (oracle) and at the finest; its global light stands
 under the component that the scene has beside direct light, or under both. Blind components are
-matched to the truth by best assignment.
+matched to the truth by best assignment. Near and far range from differences of pitches are the
+finest pitch, what a coarser one adds to it, and the rest; FastICA and NMF are scikit-learn's, and
+only their errors after the best gains mean anything.
 
 Run from the root of the repository:
 ``python -m benchmarks.decomposition --scenes corner groove board --camera 96 96``.
@@ -14,11 +16,14 @@ from __future__ import annotations
 
 import argparse
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.decomposition import NMF, FastICA
+from sklearn.exceptions import ConvergenceWarning
 
 from acquire.plan_file import example_text, parse_plan
 from drivers.protocols import CameraSettings
@@ -27,12 +32,13 @@ from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
 from processing.decomposition import decompose_iva
 from processing.gathering import HarmonicsStack
+from processing.gradients import gradient_samples
 from processing.metrics import (
     best_assignment,
+    errors_of,
     oracle,
     relative_error,
     relative_error_with_gains,
-    single_pitch_errors,
 )
 from processing.patterns import Family
 from processing.range_decomposition import RangeDecomposition
@@ -123,9 +129,7 @@ def cells(estimates: dict[str, Image], run: Captured, white: Image) -> list[str]
 
 
 def single_pitch(run: Captured) -> Iterator[tuple[str, list[str]]]:
-    rest = run.truth["subsurface"] + run.truth["interreflection"]
-    errors = single_pitch_errors(np.stack(run.rows), run.white, run.truth["direct"], rest, run.mask)
-    chosen = oracle(errors).index
+    chosen = oracle(errors_of(run.rows, run.truth["direct"], run.mask)).index
     for label, index in (("single pitch, oracle's", chosen), ("single pitch, finest", 0)):
         direct = run.rows[index]
         pitch_px = run.stack.designs[index].pitch_px
@@ -142,6 +146,50 @@ def blind(run: Captured) -> tuple[str, list[str]]:
     )
     named = {name: found.components[k] for name, k in zip(present, matched.components, strict=True)}
     return "iva, best assignment", cells(named, run, run.white)
+
+
+def differences(run: Captured) -> tuple[str, list[str]]:
+    """Near and far range from the finest and one coarser pitch, chosen by who knows the truth."""
+    near = run.truth["subsurface"]
+    part = "subsurface" if near[run.mask].any() else "interreflection"
+    finest, *coarser = run.rows
+    estimates = (row - finest if part == "subsurface" else run.white - row for row in coarser)
+    row = coarser[oracle(errors_of(estimates, run.truth[part], run.mask)).index]
+    named = {"direct": finest, "subsurface": row - finest, "interreflection": run.white - row}
+    return "near and far by differences", cells(named, run, run.white)
+
+
+def matched(components: Image, run: Captured) -> list[str]:
+    """Blind components, each on its own scale: after the best gain and sign in each colour."""
+    present = [name for name in NAMES if run.truth[name][run.mask].any()]
+    truths = np.stack([run.truth[name] for name in present])
+    found = best_assignment(components, truths, run.mask)
+    errors = dict(zip(present, found.errors, strict=True))
+    return [f"({errors[name]:.3f})" if name in errors else "–" for name in NAMES] + ["–"]
+
+
+def factorised(run: Captured) -> Iterator[tuple[str, list[str]]]:
+    """FastICA of the gradients of each colour, and non-negative factors of all rows."""
+    rows = np.stack([*run.rows, run.white])
+    count = sum(bool(part[run.mask].any()) for part in run.truth.values())
+    shape = (count, *run.mask.shape, rows.shape[-1])
+    independent = np.zeros(shape, np.float32)
+    for colour in range(rows.shape[-1]):
+        plane = rows[..., colour]
+        gradients = gradient_samples(plane[..., np.newaxis], run.mask)[0]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            ica = FastICA(count, whiten="unit-variance", random_state=0, max_iter=500)
+            ica.fit(gradients.T)
+        independent[..., colour] = np.tensordot(ica.components_, plane, 1)
+    yield "FastICA, each colour alone, best assignment", matched(independent, run)
+    samples = np.maximum(rows[:, run.mask].reshape(len(rows), -1), 0).T
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        factors = NMF(count, init="nndsvda", max_iter=400).fit_transform(samples)
+    positive = np.zeros(shape, np.float32)
+    positive[:, run.mask] = factors.T.reshape(count, -1, rows.shape[-1])
+    yield "NMF, best assignment", matched(positive, run)
 
 
 def ranged(run: Captured) -> tuple[RangeDecomposition, float, list[str]]:
@@ -168,7 +216,8 @@ def report(scene: str, condition: str, run: Captured) -> None:
     found, elapsed_s, row = ranged(run)
     print(f"\n## {scene}, {condition}, {run.mask.shape[0]} × {run.mask.shape[1]}")
     print("| method | direct | subsurface | inter-reflection | not direct |\n|---|---|---|---|---|")
-    for label, one in [*single_pitch(run), blind(run), ("ranges (default)", row)]:
+    others = [*single_pitch(run), differences(run), blind(run), *factorised(run)]
+    for label, one in [*others, ("ranges (default)", row)]:
         print(f"| {label} | " + " | ".join(one) + " |")
     blur = ", ".join(f"{np.sqrt(one.side_px2):.2f}" for one in found.blur)
     print(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,54 +88,51 @@ def best_assignment(
 
 
 @dataclass(frozen=True, slots=True)
-class SinglePitchErrors:
-    """Relative errors of plain max/min at one pitch.
+class EstimateError:
+    """How far one of several estimates is off.
 
     Parameters
     ----------
     index
-        Which row it is, counted from the finest.
-    direct_light, global_light
-        `relative_error` of direct and of global light.
+        Which it is, in their order.
+    error, error_after_gains
+        `relative_error` and `relative_error_with_gains`.
     """
 
     index: int
-    direct_light: float
-    global_light: float
+    error: float
+    error_after_gains: float
 
 
-def single_pitch_errors(
-    direct_rows: NDArray[np.float32],
-    white: NDArray[np.float32],
-    direct_truth: NDArray[np.float32],
-    global_truth: NDArray[np.float32],
+def errors_of(
+    estimates: Iterable[NDArray[np.float32]],
+    truth: NDArray[np.float32],
     mask: NDArray[np.bool_],
-) -> tuple[SinglePitchErrors, ...]:
-    """Errors of direct and global light at every pitch, the finest first.
+) -> tuple[EstimateError, ...]:
+    """Errors of several estimates of one and the same light, of single pitches for example.
 
     Parameters
     ----------
-    direct_rows
-        (m, height, width, colours), direct light at each pitch, separated with the complement,
-        so that global light is white minus direct.
-    white, direct_truth, global_truth
+    estimates
+        (height, width, colours) each; taken one after the other, none is kept.
+    truth
         (height, width, colours).
     mask
         bool, (height, width), True where a pixel counts.
     """
     return tuple(
-        SinglePitchErrors(
+        EstimateError(
             index,
-            relative_error(direct, direct_truth, mask),
-            relative_error(white - direct, global_truth, mask),
+            relative_error(estimate, truth, mask),
+            relative_error_with_gains(estimate, truth, mask),
         )
-        for index, direct in enumerate(direct_rows)
+        for index, estimate in enumerate(estimates)
     )
 
 
-def oracle(errors: tuple[SinglePitchErrors, ...]) -> SinglePitchErrors:
-    """The pitch with the least error of direct light, which only one who knows it can choose."""
-    return min(errors, key=lambda pitch: pitch.direct_light)
+def oracle(errors: Iterable[EstimateError]) -> EstimateError:
+    """The estimate with the least error, which only one who knows the truth can choose."""
+    return min(errors, key=lambda one: one.error)
 
 
 def _usable(

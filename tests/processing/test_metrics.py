@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from processing.metrics import (
     best_assignment,
+    errors_of,
     oracle,
     relative_error,
     relative_error_with_gains,
-    single_pitch_errors,
 )
 
 SHAPE = (20, 30, 3)
@@ -81,13 +81,12 @@ def test_assignment_refuses_what_has_no_answer() -> None:
 
 def test_the_oracle_chooses_the_best_pitch() -> None:
     direct, global_ = image(0), image(1)
-    white = direct + global_
     leaks = [0.3, 0.1, 0.2]
-    rows = np.stack([direct + leak * global_ for leak in leaks])
-    errors = single_pitch_errors(rows, white, direct, global_, EVERYWHERE)
+    rows = (direct + np.float32(leak) * global_ for leak in leaks)
+    errors = errors_of(rows, direct, EVERYWHERE)
     for pitch, leak in zip(errors, leaks, strict=True):
-        assert pitch.global_light == pytest.approx(leak, rel=1e-5)
-        assert pitch.direct_light == pytest.approx(
+        assert 0 < pitch.error_after_gains < pitch.error
+        assert pitch.error == pytest.approx(
             leak * np.linalg.norm(global_) / np.linalg.norm(direct), rel=1e-5
         )
     assert oracle(errors).index == 1
