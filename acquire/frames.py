@@ -53,6 +53,10 @@ class Frames:
             while waiting:
                 yield self._note(*waiting.popleft())
 
+    def leave_out(self, pixels: NDArray[np.bool_]) -> None:
+        """Count pixels, (height, width), as saturated from the start: hot ones."""
+        self.saturated = pixels.copy()
+
     def _decode(self, frame: FrameRecord) -> LinearImage:
         data = self._session.read(frame)
         try:

@@ -12,6 +12,7 @@ from pydantic import JsonValue
 
 from acquire.errors import StackError
 from acquire.pitches import SeparatedPitches, open_rows
+from acquire.profile_use import Profiles
 from acquire.result import MixingRecord, PixelClass
 from acquire.session import Session
 from acquire.session.folder import storage
@@ -143,7 +144,8 @@ class Ranges:
     Parks 4 images a pitch in the result folder while it works.
     """
 
-    def __init__(self, session: Session, folder: Path) -> None:
+    def __init__(self, session: Session, folder: Path, profiles: Profiles) -> None:
+        self._profiles = profiles
         self._patterns = [frame.pattern for frame in session.frames]
         self._projector_px = session.projector_px or LARGEST_PROJECTOR_PX
         self._path = folder / HARMONICS
@@ -175,7 +177,12 @@ class Ranges:
         if self._stack is None:
             raise StackError("There is no frame to decompose.")
         try:
-            found = decompose_ranges(self._stack, separated.mask == PixelClass.MEASURED)
+            found = decompose_ranges(
+                self._stack,
+                separated.mask == PixelClass.MEASURED,
+                blur=self._profiles.blur,
+                noise=self._profiles.noise,
+            )
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` may take this session.") from error
         designs = self._stack.designs

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -24,6 +24,7 @@ from acquire.methods import (
     obstacle_to_ranges,
 )
 from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
+from acquire.profile_use import Profiles
 from acquire.result import (
     RECORD,
     PixelClass,
@@ -38,6 +39,7 @@ from acquire.session.folder import storage
 from acquire.session.records import versions
 from acquire.stack import Stack
 from drivers.image import Demosaic
+from processing.patterns import Family
 
 OWN_NUMBER = (
     "The number of components that was asked for had no effect: ranges decides it by the evidence "
@@ -104,6 +106,7 @@ def process(
     options: Options,
     observer: Observer,
     cluster: Cluster | None = None,
+    profiles: Profiles | None = None,
 ) -> Result:
     """Separate and decompose a session; whatever `folder` held of an earlier result is replaced.
 
@@ -118,13 +121,21 @@ def process(
     cluster
         Where the pitches are decoded and separated; here, if it is not given. Session and result
         lie on a file system that its workers share. The result is the same, bit for bit.
+    profiles
+        What calibrations say about the session.
     """
+    profiles = profiles or Profiles()
+    has_black = any(frame.pattern.family is Family.BLACK for frame in session.frames)
+    if profiles.leak is not None and not options.leak and not has_black:
+        options = replace(options, leak=profiles.leak)
     stack = Stack(session, options.demosaic)
+    if profiles.hot is not None:
+        stack.leave_out(profiles.hot)
     name, remark = _method_name(session, options)
     if name == "iva":
         check_components(len(stack.groups), options.n_components or 2)
     _prepare(folder, session.folder)
-    method = _method(name, session, folder, options)
+    method = _method(name, session, folder, options, profiles)
     try:
         observer.stage("separating", len(stack))
         gatherer = None
@@ -149,7 +160,12 @@ def process(
         shutil.rmtree(folder / PARKED, ignore_errors=True)
     pixels = _interpolation(stack, options)
     warnings = (*cautions(session, separated), *pixels, *remark, *components.warnings)
-    used = {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
+    used: dict[str, JsonValue] = {
+        "method": name,
+        "demosaic": options.demosaic if stack.has_mosaics else None,
+    }
+    if profiles.uses:
+        used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
     record = _record(session, separated, components, asdict(options) | used, warnings).model_copy(
         update={"frame_noise": noise}
     )
@@ -181,9 +197,11 @@ def _interpolation(stack: Stack, options: Options) -> tuple[str, ...]:
     return (INTERPOLATED if stack.has_mosaics else NO_MOSAICS,)
 
 
-def _method(name: str, session: Session, folder: Path, options: Options) -> Method:
+def _method(
+    name: str, session: Session, folder: Path, options: Options, profiles: Profiles
+) -> Method:
     if name == "ranges":
-        return Ranges(session, folder)
+        return Ranges(session, folder, profiles)
     return Iva(options.n_components, options.n_iterations, options.smoothing_px)
 
 

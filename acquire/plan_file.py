@@ -70,6 +70,17 @@ class References(StrictModel):
     every_frames: int | None = Field(default=None, ge=1)
 
 
+class CalibrationSection(StrictModel):
+    """`[calibration]`: profiles of the bench, paths relative to the plan."""
+
+    dark: Path | None = None
+    noise: Path | None = None
+    response: Path | None = None
+    leak: Path | None = None
+    latency: Path | None = None
+    board: Path | None = None
+
+
 class PlanFile(StrictModel):
     """A plan as written by a person; `plan` writes it out in full."""
 
@@ -77,6 +88,7 @@ class PlanFile(StrictModel):
     references: References = References()
     camera: CameraPlan = CameraPlan()
     projector: ProjectorPlan = ProjectorPlan()
+    calibration: CalibrationSection = CalibrationSection()
 
     def plan(self) -> Plan:
         """Every exposure in order: references, then pitch by pitch, shift by shift."""
@@ -90,8 +102,8 @@ class PlanFile(StrictModel):
         return Plan(camera=self.camera, projector=self.projector, patterns=tuple(ordered))
 
 
-def read_plan(path: Path) -> Plan:
-    """Read, validate and write out a plan; raises `PlanError` naming the key and the reason."""
+def read_plan_file(path: Path) -> PlanFile:
+    """Read and validate a plan; raises `PlanError` naming the key and the reason."""
     try:
         if path.stat().st_size > MAX_PLAN_BYTES:
             raise PlanError(f"{path} is {path.stat().st_size} bytes: no plan is that long.")
@@ -103,19 +115,30 @@ def read_plan(path: Path) -> Plan:
         ) from error
     except UnicodeDecodeError as error:
         raise PlanError(f"{path} is not a text file in UTF-8; a plan is TOML.") from error
-    return parse_plan(text, str(path))
+    return _parse(text, str(path))
+
+
+def read_plan(path: Path) -> Plan:
+    """Read, validate and write out a plan, without the profiles that its [calibration] names."""
+    plan = read_plan_file(path).plan()
+    check_measurable(plan)
+    return plan
 
 
 def parse_plan(text: str, name: str) -> Plan:
     """Validate the text of a plan; `name` stands in messages."""
+    plan = _parse(text, name).plan()
+    check_measurable(plan)
+    return plan
+
+
+def _parse(text: str, name: str) -> PlanFile:
     try:
-        plan = PlanFile.model_validate(tomllib.loads(text)).plan()
+        return PlanFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise PlanError(f"{name} is not valid TOML: {error}.") from error
     except ValidationError as error:
         raise PlanError(f"{name} cannot be used:\n{explain(error)}") from error
-    check_measurable(plan)
-    return plan
 
 
 def example_text() -> str:

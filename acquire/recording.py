@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import numpy as np
+from pydantic import JsonValue
 
 from acquire.errors import SessionError
 from acquire.pause import Pause
@@ -59,8 +60,13 @@ def record(
     return session, outcome
 
 
+def described(bench: Bench) -> dict[str, JsonValue]:
+    """What a session records of a bench."""
+    return bench.description | {"projector_px": list(bench.resolution)}
+
+
 def _session(plan: Plan, bench: Bench, folder: Path) -> Session:
-    description = bench.description | {"projector_px": list(bench.resolution)}
+    description = described(bench)
     if not Session.exists(folder):
         opening = SessionRecord(
             plan_sha256=plan.sha256, bench=description, versions=versions(), host=host()

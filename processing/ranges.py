@@ -98,6 +98,7 @@ def decompose_ranges(
     mask: NDArray[np.bool_],
     *,
     blur: Sequence[Blur] | None = None,
+    noise: Array | None = None,
     progress: Progress = _unheard,
 ) -> RangeDecomposition:
     """Take the light of a scene apart by its range.
@@ -110,6 +111,9 @@ def decompose_ranges(
         bool, (height, width), True where a pixel is usable.
     blur
         Of each colour, where it is known (from a board); measured where it is not given.
+    noise
+        (colours, 2): variance of a frame at white 0 and its rise with white, where the camera's
+        noise is known; measured on complementary frames where it is not given.
     progress
         Told the part of the work that is done, rising to 1.
     """
@@ -123,7 +127,8 @@ def decompose_ranges(
         sampled,
         spaced[0].step,
     )
-    noise = noise_lines(stack.noise_variance(), white, mask)
+    if noise is None:
+        noise = noise_lines(stack.noise_variance(), white, mask)
     warnings: tuple[str, ...] = (NOISE_UNKNOWN,) if np.isnan(noise).any() else ()
     if blur is None:
         blur, unsure = measured_blur(stack, sample)

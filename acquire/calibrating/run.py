@@ -66,7 +66,7 @@ def capture_all(
         at = folder / str(len(sessions) + 1)
         done = len(Session.open(at).frames) if Session.exists(at) else 0
         observer.stage("capturing", len(plan), done)
-        session, outcome = record(plan, bench, at, observer, stop)
+        session, outcome = record(plan, bench, at, observer, stop, keep_unproven=True)
         if outcome is not Outcome.COMPLETE:
             return sessions, outcome
         sessions.append(session)

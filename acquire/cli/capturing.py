@@ -15,9 +15,10 @@ from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
-from acquire.plan_file import check_fits, example_text, read_plan
+from acquire.plan_file import check_fits, example_text
+from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
 from acquire.proof import FrameProof, examine, verdict
-from acquire.recording import record
+from acquire.recording import described, record
 from acquire.rig import Bench, find_bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
@@ -65,7 +66,7 @@ def plan_command(
         return
     if plan_path is None:
         raise PlanError("Name a plan, or `lumisplit plan --example` to print one.")
-    plan = read_plan(plan_path)
+    plan, _ = plan_with_profiles(plan_path)
     bench = find_bench(bench_name)
     check_fits(plan, bench.resolution, bench.name)
     cost = _cost(plan, bench, out)
@@ -94,12 +95,17 @@ def capture_command(
     verbose: Verbose = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
-    plan, bench = read_plan(plan_path), find_bench(bench_name)
+    (plan, profiles), bench = plan_with_profiles(plan_path), find_bench(bench_name)
+    check_profiles(profiles, described(bench), plan.camera)
     where = port if page else None
     progress = ProgressDisplay(quiet=quiet, verbose=verbose)
-    run_capture(
-        plan, bench, out, progress, keep_unproven=keep_unproven, port=where, as_json=as_json
-    )
+    try:
+        run_capture(
+            plan, bench, out, progress, keep_unproven=keep_unproven, port=where, as_json=as_json
+        )
+    finally:
+        if Session.exists(out):
+            keep_profiles(profiles, out)
 
 
 def import_command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -95,6 +96,13 @@ def process_command(
             "they see sessions and results under the same paths.",
         ),
     ] = None,
+    profile: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A dark, noise, leak or board profile; may be given several times. Those that the "
+            "session's plan names are used anyway."
+        ),
+    ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -110,7 +118,7 @@ def process_command(
         for folder, result_folder in jobs:
             session = Session.open(folder)
             progress = ProgressDisplay(quiet=quiet, verbose=verbose)
-            result = _process(session, result_folder, options, progress, cluster)
+            result = _process(session, result_folder, options, progress, cluster, profile or ())
             report = write_report(result)
             done.append(
                 {
@@ -173,11 +181,14 @@ def _process(
     options: Options,
     progress: ProgressDisplay,
     cluster: Cluster | None = None,
+    profiles: Sequence[Path] = (),
 ) -> Result:
     from acquire.pipeline import process
+    from acquire.profile_use import profiles_for
 
+    used = profiles_for(session, profiles)
     with progress:
-        result = process(session, out, options, progress, cluster)
+        result = process(session, out, options, progress, cluster, used)
     for warning in result.record.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return result

@@ -1,0 +1,166 @@
+"""Profiles that a plan or a person names, and what they change.
+
+At capture the profiles that the plan's ``[calibration]`` names are held by their digests in the
+plan, and with it in every session; copies lie in the session's ``profiles`` folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import JsonValue
+
+from acquire.errors import ProfileError
+from acquire.plan import CameraPlan, Plan, ProfileUse, ProjectorPlan
+from acquire.plan_file import PlanFile, check_measurable, read_plan_file
+from acquire.profile_file import Profile, check_applies, read_maps, read_profile
+from acquire.session import Session
+from acquire.session.folder import storage, write_durably
+from processing.blur import Blur
+
+KEPT = "profiles"
+COLOURS = ("red", "green", "blue")
+# Kinds that change how a session is processed.
+PROCESSED = ("dark", "noise", "leak", "board")
+
+
+@dataclass(frozen=True, slots=True)
+class Profiles:
+    """What profiles say about a session.
+
+    Parameters
+    ----------
+    leak
+        b, where no black frame was captured; None where no profile says.
+    blur
+        Of each colour, measured on a board.
+    noise
+        (colours, 2): variance of a frame under no light and its rise with white, whose half a
+        pattern lets through on average.
+    hot
+        bool, (height, width): pixels to leave out.
+    uses
+        The profiles, by digest.
+    """
+
+    leak: float | None = None
+    blur: tuple[Blur, ...] | None = None
+    noise: NDArray[np.float64] | None = None
+    hot: NDArray[np.bool_] | None = None
+    uses: tuple[ProfileUse, ...] = ()
+
+
+def plan_with_profiles(path: Path) -> tuple[Plan, dict[str, Path]]:
+    """A plan as a person wrote it, with what its ``[calibration]`` says, and the profiles' files.
+
+    A response takes the place of gamma, and a latency sets ``settle_s`` unless the plan does.
+    """
+    written = read_plan_file(path)
+    files = {
+        kind: path.parent / named
+        for kind, named in written.calibration.model_dump().items()
+        if named is not None
+    }
+    profiles = {kind: _of_kind(kind, file) for kind, file in files.items()}
+    uses = tuple(ProfileUse(kind=p.kind, sha256=digest) for p, digest in profiles.values())
+    plan = written.plan().model_copy(
+        update={"projector": _projector(written, profiles), "calibration": uses}
+    )
+    check_measurable(plan)
+    return plan, files
+
+
+def check_profiles(
+    files: Mapping[str, Path], bench: Mapping[str, JsonValue], camera: CameraPlan
+) -> None:
+    """Refuse profiles that were not measured on a bench with these devices and settings."""
+    for kind, file in files.items():
+        check_applies(_of_kind(kind, file)[0], str(file), bench, camera)
+
+
+def keep_profiles(files: Mapping[str, Path], folder: Path) -> None:
+    """Copy profiles and their images into a session."""
+    if not files:
+        return
+    with storage(folder):
+        (folder / KEPT).mkdir(parents=True, exist_ok=True)
+        for kind, file in files.items():
+            profile, _ = read_profile(file)
+            if profile.maps is not None:
+                read_maps(file, profile)
+                beside = file.parent / profile.maps.file
+                write_durably(folder / KEPT / profile.maps.file, beside.read_bytes())
+            write_durably(folder / KEPT / f"{kind}.json", file.read_bytes())
+
+
+def profiles_for(session: Session, given: Iterable[Path]) -> Profiles:
+    """What the session's own profiles say, and those given in their place.
+
+    Raises
+    ------
+    ProfileError
+        A profile is of other devices or settings, is given twice, changes nothing here, or is no
+        longer the one that the plan names.
+    """
+    named: dict[str, Path] = {}
+    for path in given:
+        profile, _ = read_profile(path)
+        if profile.kind not in PROCESSED:
+            raise ProfileError(
+                f"{path}: a {profile.kind} profile changes how a session is captured, not how it "
+                "is processed; name it in the plan's [calibration]."
+            )
+        if profile.kind in named:
+            raise ProfileError(f"{path}: a second {profile.kind} profile; give one of each kind.")
+        named[profile.kind] = path
+    for use in session.plan.calibration:
+        if use.kind in PROCESSED and use.kind not in named:
+            kept = session.folder / KEPT / f"{use.kind}.json"
+            if read_profile(kept)[1] != use.sha256:
+                raise ProfileError(f"{kept} is not the profile that the session was begun with.")
+            named[use.kind] = kept
+    found = Profiles()
+    for path in named.values():
+        found = _with(found, path, session)
+    return found
+
+
+def _with(found: Profiles, path: Path, session: Session) -> Profiles:
+    profile, digest = read_profile(path)
+    check_applies(profile, str(path), session.record.bench, session.plan.camera)
+    leak, blur, noise, hot = found.leak, found.blur, found.noise, found.hot
+    if profile.kind == "leak":
+        leak = float(profile.numbers("leak")[0])
+    elif profile.kind == "board":
+        sides, skews = profile.numbers("side_px2"), profile.numbers("skew_px2")
+        blur = tuple(Blur(float(a), float(b)) for a, b in zip(sides, skews, strict=True))
+    elif profile.kind == "noise":
+        noise = np.stack([profile.numbers("constant"), profile.numbers("rise") / 2], axis=1)
+    elif profile.kind == "dark":
+        hot = np.asarray(read_maps(path, profile)["hot"], bool)
+    use = ProfileUse(kind=profile.kind, sha256=digest)
+    return Profiles(leak, blur, noise, hot, (*found.uses, use))
+
+
+def _of_kind(kind: str, file: Path) -> tuple[Profile, str]:
+    profile, digest = read_profile(file)
+    if profile.kind != kind:
+        raise ProfileError(
+            f"calibration.{kind}: {file} is a {profile.kind} profile. Name the right file."
+        )
+    return profile, digest
+
+
+def _projector(written: PlanFile, profiles: Mapping[str, tuple[Profile, str]]) -> ProjectorPlan:
+    changes: dict[str, object] = {}
+    if "response" in profiles:
+        response = profiles["response"][0]
+        light = tuple(tuple(response.column("light", colour).tolist()) for colour in COLOURS)
+        changes["light"] = light[:1] if len(set(light)) == 1 else light
+    if "latency" in profiles and "settle_s" not in written.projector.model_fields_set:
+        changes["settle_s"] = float(profiles["latency"][0].numbers("settle_s")[0])
+    return ProjectorPlan.model_validate(written.projector.model_dump() | changes)
