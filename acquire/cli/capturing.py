@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,13 +17,15 @@ from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
 from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
-from acquire.proof import FrameProof, examine, verdict
 from acquire.recording import described, record
 from acquire.rig import Bench, find_bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
 from acquire.session.verification import problems
 from acquire.storage import check_room, free_bytes
+
+if TYPE_CHECKING:
+    from acquire.proof import FrameProof
 
 BenchOption = Annotated[
     str,
@@ -138,6 +140,8 @@ def verify_command(
     verbose: Verbose = False,
 ) -> None:
     """Check every file and every digest of a session, and what its frames show."""
+    from acquire.proof import examine, verdict
+
     if folder.is_file():
         _verify_packed(folder, images=images, as_json=as_json, quiet=quiet)
         return
