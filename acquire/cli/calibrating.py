@@ -15,7 +15,6 @@ from acquire.errors import ProfileError
 from acquire.plan import CameraPlan, ProjectorPlan
 from acquire.plan_file import read_plan
 from acquire.rig import find_bench
-from acquire.sequencer import Outcome
 
 if TYPE_CHECKING:
     from acquire.calibrating.finding import Calibration, Setting
@@ -117,6 +116,7 @@ def _captured(
     progress: ProgressDisplay,
 ) -> list[Session]:
     from acquire.calibrating.run import capture_all
+    from acquire.sequencer import Outcome
 
     bench = find_bench(bench_name)
     setting = _setting(plan_path, exposure_s, bench.resolution)

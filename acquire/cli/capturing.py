@@ -17,15 +17,14 @@ from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
 from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
-from acquire.recording import described, record
 from acquire.rig import Bench, find_bench
-from acquire.sequencer import Outcome
 from acquire.session import Session
 from acquire.session.verification import problems
 from acquire.storage import check_room, free_bytes
 
 if TYPE_CHECKING:
     from acquire.proof import FrameProof
+    from acquire.sequencer import Outcome
 
 BenchOption = Annotated[
     str,
@@ -97,6 +96,8 @@ def capture_command(
     verbose: Verbose = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
+    from acquire.recording import described
+
     (plan, profiles), bench = plan_with_profiles(plan_path), find_bench(bench_name)
     check_profiles(profiles, described(bench), plan.camera)
     where = port if page else None
@@ -231,6 +232,9 @@ def run_capture(
 
     Exits with status 130 when it was asked to stop.
     """
+    from acquire.recording import record
+    from acquire.sequencer import Outcome
+
     done = len(Session.open(out).frames) if Session.exists(out) else 0
     with stop_on_signals() as stop, progress:
         progress.stage("capturing", len(plan), done)

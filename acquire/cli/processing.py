@@ -15,7 +15,6 @@ from acquire.cli.capturing import AsJson, Quiet, Verbose, run_capture
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import ResultError
 from acquire.plan_file import example_text, parse_plan
-from acquire.recording import TRUTH
 from acquire.rig import find_bench
 from acquire.session import Session
 from drivers.image import Demosaic
@@ -45,6 +44,7 @@ def demo_command(
     """The whole job on a simulated bench: capture, separate, decompose, evaluate, report."""
     from acquire.evaluation import evaluate, read_truth
     from acquire.pipeline import Options
+    from acquire.recording import TRUTH
     from acquire.report import write_report
 
     plan = parse_plan(example_text(), "the example plan")
