@@ -36,10 +36,10 @@ _SUSPECT = 2.0
 _MOST_LEFT = 0.6
 # In camera pixels: what is a jump on the projector, how far from one footprints are divided, how
 # far to look for a neighbour that sees the second place, and how well they must agree.
-_JUMP_PX = 4.0
+_JUMP_PX = 2.0
 _REACH_PX = 2
 _NEIGHBOUR_PX = 3
-_AGREEMENT_PX = 3.0
+_AGREEMENT_PX = 2.0
 _TOTAL_WEIGHT = 300.0
 
 
