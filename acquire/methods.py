@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -27,6 +28,10 @@ HARMONICS = ".harmonics"
 PAPERS_COMPONENTS = 3
 # Where a projector's size was not recorded, its pixels are looked for within the largest there is.
 LARGEST_PROJECTOR_PX = 2400, 4096
+
+
+# Told the part of the work that is done, rising to 1.
+Told = Callable[[float], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +83,7 @@ class Method(Protocol):
     def pitch(self, gathered: PitchHarmonics) -> None:
         """All frames of a pitch, gathered elsewhere."""
 
-    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
+    def decompose(self, folder: Path, separated: SeparatedPitches, told: Told) -> Components:
         """Components from what was seen and from the separated pitches in `folder`."""
 
     def close(self) -> None:
@@ -108,7 +113,12 @@ class Iva:
     def close(self) -> None:
         """Nothing was parked."""
 
-    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:
+    def decompose(
+        self,
+        folder: Path,
+        separated: SeparatedPitches,
+        told: Told,  # noqa: ARG002 (takes seconds)
+    ) -> Components:
         """Unmix the direct images of the resolved pitches and white."""
         resolved = separated.resolved
         n_components = self._n_components or min(PAPERS_COMPONENTS, len(resolved) + 1)
@@ -172,7 +182,12 @@ class Ranges:
             self._stack = self._begin((height, width, colours))
         self._stack.join(gathered)
 
-    def decompose(self, folder: Path, separated: SeparatedPitches) -> Components:  # noqa: ARG002
+    def decompose(
+        self,
+        folder: Path,  # noqa: ARG002 (its frames are gathered)
+        separated: SeparatedPitches,
+        told: Told,
+    ) -> Components:
         """Fit every pixel's spectrum of ranges."""
         if self._stack is None:
             raise StackError("There is no frame to decompose.")
@@ -182,6 +197,7 @@ class Ranges:
                 separated.mask == PixelClass.MEASURED,
                 blur=self._profiles.blur,
                 noise=self._profiles.noise,
+                progress=told,
             )
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` may take this session.") from error

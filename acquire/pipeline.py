@@ -100,6 +100,23 @@ class Observer(Protocol):
         """One unit of the stage is done."""
 
 
+# Of the decomposition, as progress shows it.
+_STEPS = 50
+
+
+class _Steps:
+    """A part of the work done, as steps of a stage."""
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer, self._reached = observer, 0
+
+    def reach(self, part: float) -> None:
+        """Advance to a part of the work in [0, 1]; never back."""
+        while self._reached < int(part * _STEPS + 1e-6):
+            self._reached += 1
+            self._observer.advance()
+
+
 def process(
     session: Session,
     folder: Path,
@@ -152,9 +169,10 @@ def process(
                 "some frame. Check the exposure and that the projector lit the scene."
             )
         separated, noise = correct(folder, separated, options.leak, observer)
-        observer.stage("decomposing", 1)
-        components = method.decompose(folder, separated)
-        observer.advance()
+        observer.stage("decomposing", _STEPS)
+        steps = _Steps(observer)
+        components = method.decompose(folder, separated, steps.reach)
+        steps.reach(1.0)
     finally:
         method.close()
         shutil.rmtree(folder / PARKED, ignore_errors=True)
