@@ -126,7 +126,9 @@ def adjusted(
     confirmed = len(modes) > 1 and bool(np.all(np.abs(modes[1] - modes[0]) < _AGREEMENT_PX2))
     size = 0.5 * (footprint[0] + footprint[1])
     along = np.stack([size + footprint[2], size - footprint[2]], axis=1)
-    level, rise = _line(along.ravel() - blur.footprint_px2, ratios[:, 0].ravel(), blur)
+    beyond = along - blur.footprint_px2
+    rise = _rise(beyond.ravel(), ratios[:, 0].ravel(), blur)
+    level = float(np.mean([shorth(ratios[:, 0, d] - rise * beyond[:, d]) for d in range(2)]))
     side_px2 = max(blur.side_px2 + level, 0.0)
     camera_px2 = min(max(blur.camera_px2 + rise, 0.0), side_px2 / blur.footprint_px2)
     skew_px2 = blur.skew_px2 + float(modes[0, 0] - modes[0, 1]) / 2
@@ -134,8 +136,8 @@ def adjusted(
     return replace(blur, side_px2=side_px2, camera_px2=camera_px2, skew_px2=skew_px2), confirmed
 
 
-def _line(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
-    """Most frequent variance at the typical footprint, and its rise with the footprint.
+def _rise(sizes: Array, variances: Array, blur: Blur) -> float:
+    """How the most frequent variance rises with the footprint.
 
     A line through the modes of bins of equal count; where footprints are all alike, a camera that
     is no blurrier than its pixel is assumed.
@@ -153,7 +155,7 @@ def _line(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
         solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
         weights = 1 / np.sqrt(1 + np.abs(rows @ solution - values))
         weights[-1] = 1
-    return float(solution[0]), float(solution[1])
+    return float(solution[1])
 
 
 def shorth(values: NDArray[np.float64]) -> float:
