@@ -48,12 +48,27 @@ def make(folder: Path) -> None:
         if k:
             (folder / "deviations").mkdir(exist_ok=True)
             write_tiff(folder / f"deviations/{name}.tiff", 0.01 + 0.02 * image)
-    for pitch in small.record.pitches:
-        for path, source in ((pitch.direct, "direct"), (pitch.global_, "interreflection")):
-            (folder / path).unlink()
-            os.link(folder / f"components/{source}.tiff", folder / path)
+    pitches = [
+        pitch.model_copy(
+            update={
+                kind: pitch.direct.replace("/direct-", f"/{kind}-")
+                for kind in ("corrected", "deviation")
+            }
+        )
+        for pitch in small.record.pitches
+    ]
+    for pitch in pitches:
+        for path, source in (
+            (pitch.direct, "components/direct"),
+            (pitch.global_, "components/interreflection"),
+            (pitch.corrected, "components/direct"),
+            (pitch.deviation, "deviations/direct"),
+        ):
+            (folder / str(path)).unlink(missing_ok=True)
+            os.link(folder / f"{source}.tiff", folder / str(path))
     write_tiff(folder / "mask.tiff", np.zeros(SHAPE, np.uint8))
-    write_record(folder, small.record.model_copy(update={"shape": SHAPE, "deviations": True}))
+    changes = {"shape": SHAPE, "deviations": True, "pitches": tuple(pitches)}
+    write_record(folder, small.record.model_copy(update=changes))
 
 
 def measured(folder: Path, job: str) -> str:
@@ -74,8 +89,8 @@ def do(folder: Path, job: str) -> None:
     print(f"{job}: peak {peak_mb:.0f} MB")
 
 
-def openings_s(page: Path) -> list[float]:
-    """From the address to the mix drawn, the probe and the scrubber filled."""
+def openings_s(page: Path) -> list[tuple[float, float]]:
+    """From the start of the navigation to the load event and to the first mix drawn."""
     executable = shutil.which("chromium") or shutil.which("google-chrome")
     seconds = []
     with sync_playwright() as playwright:
@@ -84,10 +99,13 @@ def openings_s(page: Path) -> list[float]:
         )
         for _ in range(OPENINGS):
             tab = browser.new_page(viewport={"width": 1280, "height": 800})
-            began_s = time.monotonic()
             tab.goto(page.as_uri())
             tab.wait_for_function("document.documentElement.dataset.live === 'ready'")
-            seconds.append(time.monotonic() - began_s)
+            load_ms, mix_ms = tab.evaluate(
+                "[performance.getEntriesByType('navigation')[0].loadEventEnd,"
+                " performance.getEntriesByName('first mix drawn')[0].startTime]"
+            )
+            seconds.append((load_ms / 1000, mix_ms / 1000))
             tab.close()
         browser.close()
     return seconds
@@ -105,7 +123,8 @@ def main() -> None:
             print(f"{job}: {measured(folder, job)}")
         page = folder / "report.html"
         print(f"page: {page.stat().st_size / 1e6:.1f} MB")
-        print("opened in", ", ".join(f"{each:.2f}" for each in openings_s(page)), "s")
+        for load_s, mix_s in openings_s(page):
+            print(f"loaded after {load_s:.2f} s, first mix drawn after {mix_s:.2f} s")
 
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import matplotlib as mpl
@@ -23,7 +24,7 @@ from acquire.remix import SATURATED_RGB, presets
 from acquire.report.figures import RGB_LINES, colour_of
 from acquire.report.pictures import UNLIT_RGB, block_any, reduced, reduction
 from acquire.report.plates import pitch_label
-from acquire.result import PixelClass, Result
+from acquire.result import PixelClass, Result, ResultRecord
 
 REMIX_PX, PITCH_PX = 900, 260
 ALL_BYTES, EXACT_BYTES, COARSE_BYTES = 4, 3, 2
@@ -49,24 +50,28 @@ class Live:
     ----------
     facts
         JSON without ``<``, so that it cannot end the element it stands in.
-    blocks
-        The light.
+    first, later
+        The light that the first mix needs, and what is only needed once somebody looks for it.
     remix_reduction, pitch_reduction
         Side of the blocks of camera pixels that were averaged.
     signed
         Whether a component has negative values.
     uncertain
         Standard error at the upper end of the colour map; None where there are no errors.
+    direct_deviations
+        Whether direct light is free from the bias of noise and has its standard errors.
     ramp
         Colours of the colour map from its lower to its upper end, for CSS.
     """
 
     facts: str
-    blocks: tuple[Block, ...]
+    first: tuple[Block, ...]
+    later: tuple[Block, ...]
     remix_reduction: int
     pitch_reduction: int
     signed: bool
     uncertain: float | None
+    direct_deviations: bool
     ramp: tuple[str, ...]
 
 
@@ -75,31 +80,62 @@ def live_of(result: Result, display_gain: float) -> Live:
     record = result.record
     fine, coarse = reduction(record.shape, REMIX_PX), reduction(record.shape, PITCH_PX)
     components = [reduced(result.component_view(name), fine) for name in record.components]
-    white = reduced(result.view("white.tiff"), fine)
     deviations = [
         root_mean_square(result.view(f"deviations/{name}.tiff"), fine)
         for name in record.components
         if record.deviations
     ]
-    directs = [reduced(result.view(pitch.direct), coarse) for pitch in record.pitches]
-    globals_ = [reduced(result.view(pitch.global_), coarse) for pitch in record.pitches]
     uncertain = _upper_end(deviations)
     signed = any(np.nanmin(image, initial=0) < 0 for image in components)
+    corrected = bool(record.pitches) and all(p.corrected and p.deviation for p in record.pitches)
+    first = (
+        _block("components", components, ALL_BYTES if signed else EXACT_BYTES),
+        _flags("flags", result.mask, components, fine),
+    )
+    later = (
+        _block("white", [reduced(result.view("white.tiff"), fine)], EXACT_BYTES),
+        _block("deviations", deviations, COARSE_BYTES),
+        *_pitch_blocks(result, corrected, coarse),
+    )
+    facts = _facts(record, fine, coarse) | {
+        "display_gain": display_gain,
+        "uncertain": uncertain,
+        "direct_deviations": corrected,
+    }
+    text = json.dumps(facts, ensure_ascii=True).replace("<", "\\u003c")
+    ramp = tuple(f"#{r:02x}{g:02x}{b:02x}" for r, g, b in _ramp(9))
+    return Live(text, first, later, fine, coarse, signed, uncertain, corrected, ramp)
+
+
+def _pitch_blocks(result: Result, corrected: bool, factor: int) -> Iterator[Block]:
+    pitches = result.record.pitches
+    directs = [
+        reduced(result.view((corrected and pitch.corrected) or pitch.direct), factor)
+        for pitch in pitches
+    ]
+    yield _block("direct", directs, EXACT_BYTES)
+    paths = [pitch.deviation for pitch in pitches if corrected and pitch.deviation]
+    errors = (deviation_of_mean(result.view(path), factor) for path in paths)
+    yield _block("direct-deviations", errors, COARSE_BYTES)
+    globals_ = (reduced(result.view(pitch.global_), factor) for pitch in pitches)
+    yield _block("global", globals_, COARSE_BYTES)
+    if directs:
+        yield _flags("pitch-flags", result.mask, directs, factor)
+
+
+def _facts(record: ResultRecord, fine: int, coarse: int) -> dict[str, JsonValue]:
     families = tuple(dict.fromkeys(pitch.family for pitch in record.pitches))
-    facts: dict[str, JsonValue] = {
+    return {
         "shape": list(record.shape),
         "components": [
             {"name": name, "colour": colour_of(k)} for k, name in enumerate(record.components)
         ],
         "presets": {each.name: list(each.gains) for each in presets(record.components)},
-        "display_gain": display_gain,
-        "noise": record.noise,
         "marks": [[int(v) for v in mark] for mark in (SATURATED_RGB, UNLIT_RGB)],
         "colours": list(RGB_LINES),
-        "uncertain": uncertain,
         "ramp": [int(value) for value in _ramp(256).ravel()],
-        "remix": _layout(fine, white, len(components)),
-        "pitch": _layout(coarse, directs[0] if directs else white, len(directs)),
+        "remix": _layout(record.shape, fine, len(record.components)),
+        "pitch": _layout(record.shape, coarse, len(record.pitches)),
         "pitches": [
             {
                 "px": pitch.pitch_px,
@@ -109,23 +145,6 @@ def live_of(result: Result, display_gain: float) -> Live:
             for pitch in record.pitches
         ],
     }
-    blocks = [
-        _block("components", components, ALL_BYTES if signed else EXACT_BYTES),
-        _block("white", [white], EXACT_BYTES),
-        _block("deviations", deviations, COARSE_BYTES),
-        _block("direct", directs, EXACT_BYTES),
-        _block("global", globals_, COARSE_BYTES),
-        _flags(result, components, fine),
-    ]
-    return Live(
-        json.dumps(facts, ensure_ascii=True).replace("<", "\\u003c"),
-        tuple(blocks),
-        fine,
-        coarse,
-        signed,
-        uncertain,
-        tuple(f"#{r:02x}{g:02x}{b:02x}" for r, g, b in _ramp(9)),
-    )
 
 
 def packed(light: Light, n_bytes: int) -> bytes:
@@ -152,6 +171,12 @@ def root_mean_square(image: NDArray[np.float32], factor: int) -> NDArray[np.floa
     return mean
 
 
+def deviation_of_mean(image: NDArray[np.float32], factor: int) -> NDArray[np.float64]:
+    """Standard error of the mean of a block of independent pixels, (height, width, 3)."""
+    mean: NDArray[np.float64] = np.sqrt(reduced(np.square(image), factor)) / factor
+    return mean
+
+
 def _upper_end(deviations: list[NDArray[np.float64]]) -> float | None:
     known = [image[np.isfinite(image)] for image in deviations]
     values = np.concatenate(known) if known else np.array([])
@@ -159,8 +184,8 @@ def _upper_end(deviations: list[NDArray[np.float64]]) -> float | None:
     return end if end > 0 else None
 
 
-def _layout(factor: int, image: NDArray[np.float64], layers: int) -> dict[str, JsonValue]:
-    height, width = image.shape[:2]
+def _layout(shape: tuple[int, int], factor: int, layers: int) -> dict[str, JsonValue]:
+    height, width = (math.ceil(side / factor) for side in shape)
     return {"block": factor, "height": height, "width": width, "layers": layers}
 
 
@@ -170,13 +195,14 @@ def _block(name: str, images: Iterable[NDArray[np.float64]], n_bytes: int) -> Bl
     return Block(name, base64.b64encode(packed(light, n_bytes)).decode())
 
 
-def _flags(result: Result, components: list[NDArray[np.float64]], factor: int) -> Block:
-    mask = result.mask
-    unknown = np.isnan(np.stack(components)).any(axis=(0, 3))
+def _flags(
+    name: str, mask: NDArray[np.uint8], images: list[NDArray[np.float64]], factor: int
+) -> Block:
+    unknown: NDArray[np.bool_] = np.any(np.isnan(np.stack(images)), axis=(0, 3))
     flags = UNKNOWN * unknown.astype(np.uint8)
     flags |= HAS_SATURATED * block_any(mask == PixelClass.SATURATED, factor).astype(np.uint8)
     flags |= HAS_UNLIT * block_any(mask == PixelClass.UNLIT, factor).astype(np.uint8)
-    return Block("flags", base64.b64encode(zlib.compress(flags.tobytes(), 6)).decode())
+    return Block(name, base64.b64encode(zlib.compress(flags.tobytes(), 6)).decode())
 
 
 def _ramp(number: int) -> NDArray[np.uint8]:

@@ -39,7 +39,9 @@ class Script:
     def read(cls) -> Script:
         """Join the scripts that the package brings."""
         folder = files("acquire.report") / "templates"
-        text = "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS)
+        joined = "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS)
+        # Not a module: those wait until the whole page was read.
+        text = f'(() => {{\n"use strict";\n{joined}}})();'
         digest = hashlib.sha256(text.encode()).digest()
         return cls(text, f"sha256-{base64.b64encode(digest).decode()}")
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Playwright
+from playwright.sync_api import Playwright, expect
 
 from acquire.remix import SATURATED_RGB, developed, mix
 from acquire.report import write_report
@@ -66,9 +66,26 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
         write_tiff(folder / f"components/{name}.tiff", light.astype(np.float32))
         error = np.broadcast_to(np.linspace(0, 0.02, SHAPE[1])[:, np.newaxis], (*SHAPE, 3))
         write_tiff(folder / f"deviations/{name}.tiff", error.astype(np.float32))
-    write_record(folder, made.record.model_copy(update={"deviations": True}))
+    pitches = []
+    for k, pitch in enumerate(made.record.pitches):
+        names = {
+            "corrected": f"pitches/corrected-{k}.tiff",
+            "deviation": f"pitches/deviation-{k}.tiff",
+        }
+        corrected = result_light(made, mask, 0.5 - 0.1 * k)
+        write_tiff(folder / names["corrected"], corrected)
+        write_tiff(folder / names["deviation"], (0.01 + 0.1 * corrected).astype(np.float32))
+        pitches.append(pitch.model_copy(update=names))
+    changes = {"deviations": True, "pitches": tuple(pitches)}
+    write_record(folder, made.record.model_copy(update=changes))
     write_report(Result.open(folder))
     return Result.open(folder)
+
+
+def result_light(result: Result, mask: Picture, share: float) -> NDArray[np.float32]:
+    """A share of the white light, 0 where nothing is lit."""
+    lit = (mask != PixelClass.UNLIT)[..., np.newaxis]
+    return np.where(lit, share * result.white, np.float32(0)).astype(np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -78,12 +95,26 @@ def visit(result: Result, playwright: Playwright, chromium: str) -> Iterator[Vis
         assert visit.complaints == []
 
 
+AS_LOADED = """() => {
+  const set = (selector, value) => {
+    const control = document.querySelector(selector);
+    control.value = value;
+    control.dispatchEvent(new Event(control.tagName === "SELECT" ? "change" : "input"));
+  };
+  for (const side of ["B", "A"]) {
+    document.querySelector(`[name=side][value=${side}]`).click();
+    document.querySelector("[data-preset=as-captured]").click();
+  }
+  const defaults = { wipe: 100, exposure: 0, tone: "srgb", overlay: -2, pitch: 0 };
+  for (const [name, value] of Object.entries(defaults)) set(`#${name}`, value);
+}"""
+
+
 @pytest.fixture(autouse=True)
 def _as_it_was_loaded(request: pytest.FixtureRequest) -> None:
+    """Loading it anew for every test would take longer than the tests."""
     if "visit" in request.fixturenames:
-        page = request.getfixturevalue("visit").page
-        page.reload()
-        page.wait_for_function("document.documentElement.dataset.live")
+        request.getfixturevalue("visit").page.evaluate(AS_LOADED)
 
 
 def slide(visit: Visit, selector: str, value: float) -> None:
@@ -158,6 +189,7 @@ def test_overlays(result: Result, visit: Visit) -> None:
     assert (shown[result.mask == PixelClass.SATURATED] == SATURATED_RGB).all()
     assert (shown[result.mask == PixelClass.UNLIT] == UNLIT_RGB).all()
     visit.page.select_option("#overlay", label="uncertainty of subsurface")
+    expect(visit.page.locator(".ramp")).to_be_visible()
     shown = downloaded(visit)
     lowest, highest = shown[-15, 0].astype(int), shown[-15, -1].astype(int)
     # The ends of viridis (Smith and van der Walt, 2015).
@@ -191,7 +223,7 @@ def test_probe_reads_the_pixel_under_the_click_and_the_keys(result: Result, visi
     at = {"x": box["width"] * 50.5 / SHAPE[1], "y": box["height"] * 40.5 / SHAPE[0]}
     canvas.click(position=at)  # type: ignore[arg-type] # a plain dict is a Position
     said = page.locator("#probe .place")
-    assert said.inner_text() == "Pixel in row 40, column 50: measured."
+    expect(said).to_have_text("Pixel in row 40, column 50: measured.")
     canvas.press("ArrowUp")
     canvas.press("Shift+ArrowRight")
     assert said.inner_text() == "Pixel in row 39, column 60: measured."
@@ -205,6 +237,22 @@ def test_probe_reads_the_pixel_under_the_click_and_the_keys(result: Result, visi
     stated = np.sqrt(3) * result.deviation("direct")[39, 60, 0] / result.white[39, 60].sum()
     assert error == pytest.approx(100 * stated, abs=0.06 + 100 * stated / 256)
     assert page.locator("#probe .plot circle").count() == 9
+    said_plot = page.get_attribute("#probe .plot", "aria-label") or ""
+    red = np.array(
+        [
+            [float(v) for v in re.findall(r"[\d.e-]+", each)]
+            for each in re.findall(
+                r"red ([\d.e-]+ ± [\d.e-]+) to ([\d.e-]+ ± [\d.e-]+),", said_plot
+            )[0]
+        ]
+    )
+    finest, coarsest = (
+        [result.pitch_image(path)[39, 60, 0] for path in (pitch.corrected, pitch.deviation) if path]
+        for pitch in (result.record.pitches[0], result.record.pitches[-1])
+    )
+    # Three digits of the value, two of its error, which is also rounded to 2⁻⁸ of itself.
+    assert np.all(np.abs(red - (finest, coarsest)) <= np.multiply(red, (0.006, 0.056)))
+    assert page.locator("#probe .plot .error").count() == 9
     for _ in range(5):
         canvas.press("Shift+ArrowUp")
         canvas.press("Shift+ArrowLeft")
@@ -212,17 +260,33 @@ def test_probe_reads_the_pixel_under_the_click_and_the_keys(result: Result, visi
 
 
 @pytest.mark.browser
-def test_scrubber_shows_the_pitch(result: Result, visit: Visit) -> None:
+@pytest.mark.parametrize(
+    ("stops", "tone", "overlay"),
+    [(0, Tone.SRGB, "none"), (-2, Tone.SOFT, "saturated and unlit")],
+    ids=["as captured", "exposed and marked like the mix"],
+)
+def test_scrubber_shows_the_pitch(
+    result: Result, visit: Visit, stops: float, tone: Tone, overlay: str
+) -> None:
+    page = visit.page
+    page.locator("#scrubber").scroll_into_view_if_needed()
+    page.locator("#scrubber[data-filled]").wait_for()
     slide(visit, "#pitch", 2)
-    assert visit.page.locator("#pitch-said").inner_text() == "32 px"
-    for name, share in (("direct", 0.6), ("global", 0.4)):
-        uri = visit.page.evaluate(f"document.querySelector('#{name}-canvas').toDataURL()")
-        shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
+    slide(visit, "#exposure", stops)
+    page.select_option("#tone", tone.value)
+    page.select_option("#overlay", label=overlay)
+    assert page.locator("#pitch-said").inner_text() == "32 px"
+    for name, share in (("direct", 0.3), ("global", 0.4)):
+        uri = page.evaluate(f"document.querySelector('#{name}-canvas').toDataURL()")
+        shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))[..., :3]
         known = result.mask == PixelClass.MEASURED
         light = share * result.white[known].astype(np.float64)
-        gain = exposure_of(result.white)
-        right = developed(light[np.newaxis], gain, Tone.SRGB)[0].astype(int)
-        assert np.abs(shown[known][:, :3] - right).max() <= 1
+        gain = exposure_of(result.white) * 2**stops
+        right = developed(light[np.newaxis], gain, tone)[0].astype(int)
+        assert np.abs(shown[known] - right).max() <= 1
+        assert (shown[result.mask == PixelClass.SATURATED] == SATURATED_RGB).all()
+        unlit = (shown == UNLIT_RGB).all(axis=2)
+        assert (unlit == ((result.mask == PixelClass.UNLIT) & (overlay != "none"))).all()
 
 
 @pytest.mark.browser
@@ -251,7 +315,8 @@ def test_without_webgl_the_page_says_so_and_the_rest_works(
         assert "lumisplit remix" in visit.page.locator("#live-problem").inner_text()
         assert not visit.page.locator("#live .stage").is_visible()
         assert visit.page.locator("#direct-canvas").is_visible()
-        assert "row 30, column 41" in visit.page.locator("#probe .place").inner_text()
+        visit.page.locator("#probe").scroll_into_view_if_needed()
+        expect(visit.page.locator("#probe .place")).to_contain_text("row 30, column 41")
 
 
 def test_facts_cannot_end_their_element(tmp_path: Path) -> None:

@@ -1,9 +1,17 @@
 // The light of the page: planes of bytes of 32-bit floats, the highest first, deflated, base64.
 
 const facts = JSON.parse(document.getElementById("facts").textContent);
+const unpacking = new Map();
+const parsed = new Promise((done) => {
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", done);
+  else done();
+});
 
 async function inflated(name) {
-  const text = atob(document.getElementById(`light-${name}`).textContent.trim());
+  const id = `light-${name}`;
+  // What is not needed at once stands after the script.
+  if (document.getElementById(id) === null) await parsed;
+  const text = atob(document.getElementById(id).textContent.trim());
   const bytes = new Uint8Array(text.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -23,18 +31,35 @@ async function floats(name, count) {
   return new Float32Array(bits.buffer);
 }
 
-async function allLight() {
+function unpacked(name) {
   const { remix, pitch } = facts;
   const fine = remix.height * remix.width;
   const coarse = pitch.height * pitch.width * 3 * pitch.layers;
-  const uncertain = facts.uncertain === null ? 0 : fine * remix.layers;
-  const [components, white, deviations, direct, global, flags] = await Promise.all([
-    floats("components", fine * 3 * remix.layers),
-    floats("white", fine * 3),
-    floats("deviations", uncertain),
-    floats("direct", coarse),
-    floats("global", coarse),
-    inflated("flags"),
-  ]);
-  return { components, white, deviations, direct, global, flags };
+  switch (name) {
+    case "components": return floats(name, fine * 3 * remix.layers);
+    case "white": return floats(name, fine * 3);
+    case "deviations": return floats(name, facts.uncertain === null ? 0 : fine * remix.layers);
+    case "direct-deviations": return floats(name, facts.direct_deviations ? coarse : 0);
+    case "direct":
+    case "global": return floats(name, coarse);
+    default: return inflated(name);
+  }
+}
+
+// Unpacked once, when it is first wanted.
+function lightOf(...names) {
+  return Promise.all(names.map((name) => {
+    if (!unpacking.has(name)) unpacking.set(name, unpacked(name));
+    return unpacking.get(name);
+  }));
+}
+
+// Calls once, when the element is about to be seen.
+function onceSeen(element, act) {
+  const watch = new IntersectionObserver((entries) => {
+    if (!entries.some((entry) => entry.isIntersecting)) return;
+    watch.disconnect();
+    act();
+  }, { rootMargin: "200px" });
+  watch.observe(element);
 }

@@ -54,7 +54,7 @@ void main() {
 }`;
 
 class Mixer {
-  constructor(canvas, light) {
+  constructor(canvas, components, flags) {
     const { height, width, layers } = facts.remix;
     canvas.height = height;
     canvas.width = width;
@@ -66,15 +66,11 @@ class Mixer {
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     texture(gl, 0, gl.TEXTURE_2D_ARRAY);
     gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGB32F, width, height, layers, 0, gl.RGB, gl.FLOAT,
-      light.components);
+      components);
     texture(gl, 1, gl.TEXTURE_2D_ARRAY);
-    if (light.deviations.length) {
-      gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.R32F, width, height, layers, 0, gl.RED, gl.FLOAT,
-        light.deviations);
-    }
     texture(gl, 2, gl.TEXTURE_2D);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8UI, width, height, 0, gl.RED_INTEGER, gl.UNSIGNED_BYTE,
-      light.flags);
+      flags);
     texture(gl, 3, gl.TEXTURE_2D);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 256, 1, 0, gl.RGB, gl.UNSIGNED_BYTE,
       new Uint8Array(facts.ramp));
@@ -86,6 +82,15 @@ class Mixer {
     gl.uniform3fv(this.place("marks"), facts.marks.flat().map((value) => value / 255));
     gl.uniform2i(this.place("size"), width, height);
     if (gl.getError() !== gl.NO_ERROR) throw new Error("the light does not fit the graphics card");
+  }
+
+  // Standard errors of the components, which only their overlay needs.
+  take(deviations) {
+    const { height, width, layers } = facts.remix;
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE1);
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.R32F, width, height, layers, 0, gl.RED, gl.FLOAT,
+      deviations);
   }
 
   place(name) {

@@ -5,16 +5,24 @@ const COLOURS = ["red", "green", "blue"];
 const DASHES = ["", "6 3", "2 3"];
 
 class Probe {
-  constructor(aside, canvases, light) {
+  constructor(aside, canvases) {
     this.aside = aside;
     this.canvases = canvases;
-    this.light = light;
+    this.light = null;
     this.row = Math.floor(facts.remix.height / 2);
     this.column = Math.floor(facts.remix.width / 2);
     for (const canvas of canvases) {
       canvas.addEventListener("click", (event) => this.click(canvas, event));
       canvas.addEventListener("keydown", (event) => this.key(event));
     }
+    this.cross();
+    onceSeen(aside, () => this.fill().catch(failed));
+  }
+
+  async fill() {
+    const [components, white, deviations, direct, errors, flags] = await lightOf(
+      "components", "white", "deviations", "direct", "direct-deviations", "flags");
+    this.light = { components, white, deviations, direct, errors, flags };
     this.show();
   }
 
@@ -39,16 +47,22 @@ class Probe {
   move(row, column) {
     this.row = Math.min(Math.max(row, 0), facts.remix.height - 1);
     this.column = Math.min(Math.max(column, 0), facts.remix.width - 1);
-    this.show();
+    this.cross();
+    if (this.light === null) this.fill().catch(failed);
+    else this.show();
   }
 
-  show() {
-    const { height, width, block } = facts.remix;
+  cross() {
+    const { height, width } = facts.remix;
     for (const canvas of this.canvases) {
       const cross = canvas.parentElement.querySelector(".cross");
       cross.style.left = `${(100 * (this.column + 0.5)) / width}%`;
       cross.style.top = `${(100 * (this.row + 0.5)) / height}%`;
     }
+  }
+
+  show() {
+    const { block } = facts.remix;
     const place = block === 1
       ? `Pixel in row ${this.row}, column ${this.column}`
       : `Mean of the ${block} × ${block} pixels from row ${this.row * block}, ` +
@@ -57,7 +71,10 @@ class Probe {
     this.shares();
     const plot = this.aside.querySelector(".plot");
     plot.replaceChildren();
-    if (facts.pitches.length) drawPlot(plot, this.directLight());
+    if (facts.pitches.length) {
+      const errors = facts.direct_deviations ? this.atCross(this.light.errors) : null;
+      drawPlot(plot, this.atCross(this.light.direct), errors);
+    }
   }
 
   state() {
@@ -86,13 +103,14 @@ class Probe {
     this.aside.querySelector("tbody").replaceChildren(...rows);
   }
 
-  directLight() {
+  // Of a block of all pitches, by colour.
+  atCross(values) {
     const { height, width, block, layers } = facts.pitch;
     const ratio = block / facts.remix.block;
     const row = Math.min(Math.floor(this.row / ratio), height - 1);
     const column = Math.min(Math.floor(this.column / ratio), width - 1);
     return COLOURS.map((_, c) => Array.from({ length: layers }, (__, k) =>
-      this.light.direct[3 * ((k * height + row) * width + column) + c]));
+      values[3 * ((k * height + row) * width + column) + c]));
   }
 }
 
@@ -130,13 +148,13 @@ function node(parent, kind, attributes, text) {
   return made;
 }
 
-function drawPlot(svg, lines) {
+function drawPlot(svg, lines, errors) {
   const left = 46, right = 430, top = 12, bottom = 200;
   const pitches = facts.pitches.map(({ px }) => px);
   const [low, high] = [Math.min(...pitches), Math.max(...pitches)];
-  const error = facts.noise === null ? 0 : (Math.SQRT2 * facts.noise) / facts.pitch.block;
-  const largest = Math.max(...lines.flat().map((v) => v + error), 1e-6);
-  const smallest = Math.min(0, ...lines.flat().map((v) => v - error));
+  const bars = (errors ?? lines.map((line) => line.map(() => 0))).flat();
+  const largest = Math.max(...lines.flat().map((v, i) => v + bars[i]), 1e-6);
+  const smallest = Math.min(0, ...lines.flat().map((v, i) => v - bars[i]));
   const x = (px) => left + 8 + ((right - left - 16) * (px - low)) / Math.max(high - low, 1);
   const y = (value) => bottom - ((bottom - top) * (value - smallest)) / (largest - smallest);
   for (const value of [smallest, 0, largest / 2, largest]) {
@@ -149,14 +167,16 @@ function drawPlot(svg, lines) {
   }
   node(svg, "text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" },
     "pitch in projector pixels");
-  lines.forEach((line, c) => drawLine(svg, line, pitches, error, x, y, c));
-  const ends = COLOURS.map((name, c) =>
-    `${name} ${lines[c][0].toPrecision(3)} to ${lines[c].at(-1).toPrecision(3)}`);
+  lines.forEach((line, c) => drawLine(svg, line, errors?.[c], x, y, c));
+  const end = (c, k) => lines[c].at(k).toPrecision(3) +
+    (errors === null ? "" : ` ± ${errors[c].at(k).toPrecision(2)}`);
+  const ends = COLOURS.map((name, c) => `${name} ${end(c, 0)} to ${end(c, -1)}`);
   svg.setAttribute("aria-label",
     `Direct light from pitch ${pitches[0]} to ${pitches.at(-1)} px: ${ends.join(", ")}.`);
 }
 
-function drawLine(svg, line, pitches, error, x, y, c) {
+function drawLine(svg, line, errors, x, y, c) {
+  const pitches = facts.pitches.map(({ px }) => px);
   const paint = { stroke: facts.colours[c], fill: "none" };
   const families = facts.pitches.map(({ family }) => family);
   for (const family of new Set(families)) {
@@ -166,9 +186,8 @@ function drawLine(svg, line, pitches, error, x, y, c) {
   }
   line.forEach((value, k) => {
     node(svg, "circle", { cx: x(pitches[k]), cy: y(value), r: 2, fill: facts.colours[c] });
-    if (error > 0) {
-      node(svg, "line", { ...paint, x1: x(pitches[k]), x2: x(pitches[k]), y1: y(value - error),
-        y2: y(value + error) });
-    }
+    if (errors === undefined) return;
+    const [x1, y1, y2] = [x(pitches[k]), y(value - errors[k]), y(value + errors[k])];
+    node(svg, "line", { ...paint, x1, x2: x1, y1, y2, class: "error" });
   });
 }

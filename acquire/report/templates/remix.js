@@ -1,10 +1,10 @@
 // The controls of the remix: gains of two mixes, presets, exposure, tone, wipe, overlay, download.
 
 class Remix {
-  constructor(section, light) {
+  constructor(section, components, flags) {
     this.section = section;
     this.canvas = section.querySelector("canvas");
-    this.mixer = new Mixer(this.canvas, light);
+    this.mixer = new Mixer(this.canvas, components, flags);
     this.mix = {
       gains: { A: [...facts.presets["as-captured"]], B: [...facts.presets["as-captured"]] },
       exposure: 0, tone: "srgb", wipe: 1, overlay: -2,
@@ -32,12 +32,19 @@ class Remix {
     on("#exposure", "input", (slider) => { this.mix.exposure = Number(slider.value); });
     on("#tone", "change", (select) => { this.mix.tone = select.value; });
     on("#wipe", "input", (slider) => { this.mix.wipe = Number(slider.value) / 100; });
-    on("#overlay", "change", (select) => { this.mix.overlay = Number(select.value); });
+    on("#overlay", "change", (select) => this.lay(Number(select.value)));
     this.section.querySelector("#download").addEventListener("click", () => this.download());
     this.canvas.addEventListener("webglcontextlost", () => {
       this.section.querySelector("#live-problem").textContent =
         "The graphics card dropped the picture. Load the page again.";
     });
+  }
+
+  async lay(overlay) {
+    if (overlay >= 0) this.mixer.take((await lightOf("deviations"))[0]);
+    this.mix.overlay = overlay;
+    this.show();
+    this.redraw();
   }
 
   edit(side) {
@@ -71,6 +78,7 @@ class Remix {
   }
 
   redraw() {
+    document.dispatchEvent(new Event("mixchange"));
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(() => {
