@@ -22,7 +22,11 @@ class SimSection(StrictModel):
     With `real_time` settling and exposing take as long as on a real bench.
     """
 
-    scene: Literal["corner", "groove", "board"] = "corner"
+    scene: Literal[
+        "corner", "groove", "board",
+        "chessboard-1", "chessboard-2", "chessboard-3", "chessboard-4", "chessboard-5",
+        "chessboard-6",
+    ] = "corner"  # fmt: skip
     seed: int = Field(default=0, ge=0, lt=2**63)
     camera_px: tuple[Pixels, Pixels] = (96, 96)
     projector_px: tuple[Pixels, Pixels] = (288, 384)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from acquire.calibrating.board import BoardCalibration
 from acquire.calibrating.exposure import ExposureCalibration
 from acquire.calibrating.finding import Calibration
+from acquire.calibrating.geometry import GeometryCalibration
 from acquire.calibrating.latency import LatencyCalibration
 from acquire.calibrating.projector import LeakCalibration, ResponseCalibration
 from acquire.calibrating.sensor import DarkCalibration, NoiseCalibration
@@ -17,6 +18,7 @@ CALIBRATIONS: tuple[Calibration, ...] = (
     ExposureCalibration(),
     LatencyCalibration(),
     BoardCalibration(),
+    GeometryCalibration(),
 )
 
 

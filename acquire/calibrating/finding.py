@@ -42,13 +42,17 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found: see `acquire.profile_file.Profile`."""
+    """What was found: see `acquire.profile_file.Profile`.
+
+    `beside` are files in formats of others, by suffix, that lie beside the profile.
+    """
 
     quantities: dict[str, Quantity]
     curves: dict[str, Curve] = field(default_factory=dict)
     maps: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     plots: tuple[Plot, ...] = ()
+    beside: Mapping[str, str] = field(default_factory=dict)
 
 
 class Calibration(Protocol):

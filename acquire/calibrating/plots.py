@@ -92,3 +92,31 @@ def histogram_plot(values: NDArray[np.float32], x_label: str) -> Drawing:
         axes.set_ylabel("pixels")
         axes.legend()
     return Drawing(svg(figure), f"{x_label}, from {flat.min():.3g} to {flat.max():.3g}.")
+
+
+def map_plot(values: NDArray[np.float32], label: str) -> Drawing:
+    """A map of the picture, (height, width), NaN left white."""
+    step = max(1, max(values.shape) // 400)
+    with drawn(5.7, 4.4) as (figure, axes):
+        shown = axes.imshow(values[::step, ::step], interpolation="nearest", cmap="viridis")
+        axes.set_axis_off()
+        figure.colorbar(shown, ax=axes, label=label, shrink=0.8)
+    known = values[np.isfinite(values)]
+    ends = f"{known.min():.1f} to {known.max():.1f}" if known.size else "unknown everywhere"
+    return Drawing(svg(figure), f"{label}: {ends}.")
+
+
+def scatter_plot(offsets: Array, unit: str) -> Drawing:
+    """Offsets (n, 2), across and down, around nothing."""
+    reach = 1.1 * max(float(np.abs(offsets).max()), 1e-3)
+    with drawn(4.4, 4.0) as (figure, axes):
+        axes.axhline(0, color=FAINT, linewidth=0.8)
+        axes.axvline(0, color=FAINT, linewidth=0.8)
+        axes.plot(offsets[:, 0], offsets[:, 1], ".", c=PALETTE[0], ms=4, alpha=0.6)
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(reach, -reach)
+        axes.set_aspect("equal")
+        axes.set_xlabel(f"across, {unit}")
+        axes.set_ylabel(f"down, {unit}")
+    rms = float(np.sqrt((offsets**2).sum(axis=1).mean()))
+    return Drawing(svg(figure), f"{len(offsets)} offsets, {rms:.3g} {unit} root mean square.")

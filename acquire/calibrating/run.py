@@ -16,6 +16,7 @@ from acquire.recording import record
 from acquire.rig import Bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
+from acquire.session.folder import write_durably
 from acquire.session.records import versions
 from calibration.errors import CalibrationError
 
@@ -122,6 +123,8 @@ def calibrate(
         warnings=finding.warnings,
         versions=versions(),
     )
+    for suffix, text in finding.beside.items():
+        write_durably(out.with_suffix(suffix), text.encode())
     return Calibrated(write_profile(out, profile, finding.maps), finding)
 
 

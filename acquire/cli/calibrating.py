@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from acquire.calibrating.finding import Calibration, Setting
     from acquire.calibrating.run import Calibrated
     from acquire.session import Session
+    from calibration.poses import Chessboard
 
 
 class Kind(StrEnum):
@@ -32,6 +33,7 @@ class Kind(StrEnum):
     EXPOSURE = "exposure"
     LATENCY = "latency"
     BOARD = "board"
+    GEOMETRY = "geometry"
 
 
 def register(app: typer.Typer) -> None:
@@ -47,10 +49,10 @@ def calibrate_command(
         typer.Option(help="sim, lab, replay:SESSION or a bench file; default sim."),
     ] = None,
     session: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            help="Where the frames go; without --bench, frames that are there. "
-            "Default: beside the profile."
+            help="Where the frames go; without --bench, frames that are there (geometry: once for "
+            "each pose). Default: beside the profile."
         ),
     ] = None,
     plan: Annotated[
@@ -65,6 +67,13 @@ def calibrate_command(
     refresh: Annotated[
         float, typer.Option(min=1, max=1000, help="exposure: of the projector, in Hz.")
     ] = 60.0,
+    board: Annotated[
+        str | None,
+        typer.Option(help="geometry: inner corners of the chessboard in the poses, such as 9x6."),
+    ] = None,
+    square_mm: Annotated[
+        float, typer.Option(min=0.1, max=10_000, help="geometry: side of its squares.")
+    ] = 25.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the profile.")] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -75,13 +84,18 @@ def calibrate_command(
 
     if out.suffix != ".json":
         raise ProfileError(f"--out {out}: a profile is JSON; give a name that ends in .json.")
-    calibration = _calibration(kind, exposure, fraction, refresh)
-    folder = out.with_suffix(".session") if session is None else session
-    if bench is None and session is not None:
-        sessions = recorded_sessions(session)
+    calibration = _calibration(kind, exposure, fraction, refresh, _chessboard(board, square_mm))
+    folders = session or [out.with_suffix(".session")]
+    if len(folders) > 1 and (kind is not Kind.GEOMETRY or bench is not None):
+        raise ProfileError(
+            "Several --session are the poses of `calibrate geometry`, captured before, each by a "
+            "call of its own; leave --bench out."
+        )
+    if bench is None and session:
+        sessions = [one for folder in folders for one in recorded_sessions(folder)]
     else:
         progress = ProgressDisplay(quiet=quiet, verbose=verbose)
-        sessions = _captured(calibration, plan, exposure, bench or "sim", folder, progress)
+        sessions = _captured(calibration, plan, exposure, bench or "sim", folders[0], progress)
     with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
         calibrated = calibrate(calibration, sessions, out, progress)
     page = write_page(out, calibrated, calibration.purpose)
@@ -94,17 +108,38 @@ def calibrate_command(
 
 
 def _calibration(
-    kind: Kind, exposure_s: float | None, fraction: float, refresh_hz: float
+    kind: Kind,
+    exposure_s: float | None,
+    fraction: float,
+    refresh_hz: float,
+    board: Chessboard | None,
 ) -> Calibration:
     from acquire.calibrating import calibration_named
     from acquire.calibrating.exposure import ExposureCalibration
+    from acquire.calibrating.geometry import GeometryCalibration
     from acquire.calibrating.latency import LatencyCalibration
 
     if kind is Kind.EXPOSURE:
         return ExposureCalibration(fraction=fraction, refresh_hz=refresh_hz)
     if kind is Kind.LATENCY and exposure_s is not None:
         return LatencyCalibration(exposure_s=exposure_s)
+    if kind is Kind.GEOMETRY:
+        return GeometryCalibration(board=board)
     return calibration_named(kind.value)
+
+
+def _chessboard(text: str | None, square_mm: float) -> Chessboard | None:
+    from calibration.poses import Chessboard
+
+    if text is None:
+        return None
+    columns, _, rows = text.partition("x")
+    if not (columns.isdigit() and rows.isdigit() and min(int(columns), int(rows)) > 2):
+        raise ProfileError(
+            f"--board {text}: give the inner corners along and across, at least 3 each, such as "
+            "9x6."
+        )
+    return Chessboard(int(columns), int(rows), square_mm / 1000)
 
 
 def _captured(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -183,8 +183,47 @@ def _board() -> Scene:
 SCENES: dict[str, Scene] = {"corner": _corner(), "groove": _groove(), "board": _board()}
 
 
+def chessboard(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Reflectance of 8 × 6 printed squares of 70 mm on a board of 0.64 × 0.50 m."""
+    down, across = (u * 0.50 - 0.04) / 0.07, (v * 0.64 - 0.04) / 0.07
+    printed_on = (down >= 0) & (down < 6) & (across >= 0) & (across < 8)
+    ink = printed_on & ((np.floor(down) + np.floor(across)) % 2 == 0)
+    return np.repeat(np.where(ink, 0.06, 0.8)[..., np.newaxis], 3, axis=-1)
+
+
+# Turns about the vertical and about the horizontal in degrees, and the middle in metres.
+_POSES: tuple[tuple[float, float, Triple], ...] = (
+    (0, 0, (0.0, 0.0, 0.0)),
+    (28, 0, (-0.05, 0.1, 0.04)),
+    (-28, 5, (0.05, 0.05, -0.04)),
+    (0, 28, (-0.08, 0.1, -0.05)),
+    (5, -28, (0.08, 0.0, 0.05)),
+    (22, -22, (0.0, 0.15, 0.0)),
+)
+
+
+def _posed(vertical_deg: float, horizontal_deg: float, middle_m: Triple) -> Scene:
+    """A printed chessboard in front of the devices of `board`."""
+    a, b = np.deg2rad(vertical_deg), np.deg2rad(horizontal_deg)
+    across = 0.64 * np.array([np.cos(a), np.sin(a), 0.0])
+    up = 0.50 * np.array([-np.sin(a) * np.sin(b), np.cos(a) * np.sin(b), np.cos(b)])
+    corner = np.asarray(middle_m) - (across + up) / 2
+    rectangle = Rectangle(_triple(corner), _triple(up), _triple(across))
+    return replace(SCENES["board"], surfaces=(Surface(rectangle, (1, 1), chessboard),))
+
+
+def _triple(vector: NDArray[np.float64]) -> Triple:
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+CHESSBOARDS: dict[str, Scene] = {
+    f"chessboard-{number}": _posed(*pose) for number, pose in enumerate(_POSES, 1)
+}
+
+
 def scene_named(name: str) -> Scene:
     """The scene of that name; ValueError lists the names that are known."""
-    if name not in SCENES:
-        raise ValueError(f"{name!r} is no scene; known are {', '.join(SCENES)}")
-    return SCENES[name]
+    known = SCENES | CHESSBOARDS
+    if name not in known:
+        raise ValueError(f"{name!r} is no scene; known are {', '.join(known)}")
+    return known[name]

@@ -14,6 +14,7 @@ from acquire.calibrating import calibrate, recorded_sessions
 from acquire.calibrating.board import BoardCalibration
 from acquire.calibrating.exposure import ExposureCalibration
 from acquire.calibrating.finding import Calibration, Setting
+from acquire.calibrating.geometry import GeometryCalibration
 from acquire.calibrating.latency import LatencyCalibration
 from acquire.calibrating.page import write_page
 from acquire.calibrating.projector import LeakCalibration, ResponseCalibration
@@ -24,6 +25,7 @@ from acquire.errors import ProfileError
 from acquire.plan import CameraPlan, ProjectorPlan
 from acquire.profile_file import check_applies, read_maps, read_profile
 from acquire.rig.simulated import simulated_bench
+from calibration.poses import Chessboard
 from drivers.sim.devices import SimulationConfig, build
 from tests.acquire.captures import Notes
 
@@ -153,6 +155,25 @@ def test_board_to_one_per_cent(tmp_path: Path) -> None:
     assert 6 < value(found, "finest_px") < 12
 
 
+def test_geometry_finds_the_projector_pixel_of_every_camera_pixel(tmp_path: Path) -> None:
+    found = calibrated(GeometryCalibration(), tmp_path, scene="corner", camera_px=(48, 48))
+    truth = build(SimulationConfig("corner", 0, (48, 48), (120, 160))).projector_coordinates()
+    column, row = (found.finding.maps[name] for name in ("column", "row"))
+    off = np.hypot(column - truth[..., 1], row - truth[..., 0])
+    # A camera pixel is 2.2 projector pixels wide. What it sees is weighted by what reflects in it,
+    # so that its middle is found to a tenth of itself typically, and to half of itself always.
+    assert np.nanmedian(off) < 0.22
+    assert np.nanmax(off) < 1.1
+    assert value(found, "decoded")[0] > 0.95
+    down, right = np.gradient(truth, axis=0), np.gradient(truth, axis=1)
+    area = np.abs(down[..., 0] * right[..., 1] - down[..., 1] * right[..., 0])
+    assert value(found, "camera_px_per_projector_px") == pytest.approx(
+        [1 / np.median(area)], rel=0.03
+    )
+    page = write_page(tmp_path / "profile.json", found, GeometryCalibration().purpose).read_text()
+    assert "projector column" in page
+
+
 @pytest.mark.parametrize(
     ("calibration", "camera", "changes", "message"),
     [
@@ -171,6 +192,13 @@ def test_board_to_one_per_cent(tmp_path: Path) -> None:
         ),
         pytest.param(
             LatencyCalibration(exposure_s=0.2), None, {"latency_s": 0.4}, "longer", id="too late"
+        ),
+        pytest.param(
+            GeometryCalibration(board=Chessboard(9, 6, 0.025)),
+            None,
+            {},
+            "no board of 9",
+            id="no board",
         ),
         pytest.param(BoardCalibration(), None, {"blur_px": 12}, "focus", id="out of focus"),
     ],
