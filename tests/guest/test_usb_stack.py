@@ -84,9 +84,7 @@ def test_what_gphoto2_previews_is_the_scene(visit: Visit) -> None:
     assert np.abs(picture - expected).mean() <= JPEG_STEPS
 
 
-@pytest.mark.parametrize(
-    "name", ["stall@1009+2", "cut-object+2", "sleep@9207+2", "put-back", "stayed-out"]
-)
+@pytest.mark.parametrize("name", ["stall@1009+2", "cut-object+2", "put-back", "stayed-out"])
 def test_a_session_over_usb_is_sound(visit: Visit, name: str) -> None:
     session = Session.open(visit.folder / "sessions" / name)
     assert session.complete

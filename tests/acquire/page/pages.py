@@ -68,6 +68,7 @@ class Client:
             origin=None if origin is None else Origin(origin),
             open_timeout=PATIENCE_S,
             max_size=None,
+            max_queue=None,  # or a viewer with much unread does not read that it was let go
             proxy=None,
         )
         try:

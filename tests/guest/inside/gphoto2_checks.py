@@ -27,15 +27,11 @@ def gphoto2(home: Path, place: str, *arguments: str) -> str:
     return ended.stdout
 
 
-def test_summary(place: str, tmp_path: Path) -> None:
-    told = gphoto2(tmp_path, place, "--summary")
+def test_summary_and_list_config(place: str, tmp_path: Path) -> None:
+    told = gphoto2(tmp_path, place, "--summary", "--list-config")
     assert "Manufacturer: Nikon Corporation" in told, told
     assert "Model: D4S" in told, told
     assert re.search(r"F-Number\(0x5007\):\(readwrite\) .* value: f/8", told), told
-
-
-def test_list_config(place: str, tmp_path: Path) -> None:
-    told = gphoto2(tmp_path, place, "--list-config")
     for name in ("iso", "imagequality", "f-number", "shutterspeed", "capturetarget", "focusmode"):
         assert re.search(rf"^/main/\w+/{name}$", told, re.MULTILINE), (name, told)
 
