@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from tests.acquire.captures import captured, small_bench, small_plan
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")
 IVA = Options(method="iva")
 SHARP = {"camera_px": (32, 40), "projector_px": (96, 128)}
+NOISY = {**SHARP, "full_well_e": 20000.0}
 
 
 @dataclass
@@ -32,29 +34,53 @@ class Silent:
         self.units += 1
 
 
-def processed(tmp_path: Path, **changes: object) -> tuple[Session, Result]:
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Frames without noise; to be read only."""
+    folder = tmp_path_factory.mktemp("sound") / "s"
+    return captured(folder, PLAN, small_bench(**SHARP))[0]
+
+
+@pytest.fixture(scope="module")
+def unmixed(sound: Session, tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """The sound frames' components by AuxIVA; to be read only."""
+    return process(sound, tmp_path_factory.mktemp("unmixed") / "r", IVA, Silent())
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """To be read only."""
+    folder = tmp_path_factory.mktemp("noisy") / "s"
+    return captured(folder, PLAN, small_bench(**NOISY))[0]
+
+
+@pytest.fixture(scope="module")
+def by_default(noisy: Session, tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """The noisy frames' result by the default method; to be read only."""
+    return process(noisy, tmp_path_factory.mktemp("default") / "r", Options(), Silent())
+
+
+def processed(tmp_path: Path, **changes: object) -> Result:
     session, _ = captured(tmp_path / "s", PLAN, small_bench(**{**SHARP, **changes}))
-    return session, process(session, tmp_path / "r", IVA, Silent())
+    return process(session, tmp_path / "r", IVA, Silent())
 
 
 def test_direct_and_global_add_up_to_white_less_black(tmp_path: Path) -> None:
-    _, result = processed(tmp_path, ambient=0.05, black_level=0.02)
+    result = processed(tmp_path, ambient=0.05, black_level=0.02)
     for pitch in result.record.pitches:
         both = result.pitch_image(pitch.direct) + result.pitch_image(pitch.global_)
         np.testing.assert_allclose(both, result.white, atol=1e-6)
 
 
-def test_white_is_the_truth_to_the_steps_of_the_sensor(tmp_path: Path) -> None:
-    _, result = processed(tmp_path)
-    truth = read_truth(tmp_path / "s" / "truth.npz", result.record.shape)
+def test_white_is_the_truth_to_the_steps_of_the_sensor(sound: Session, unmixed: Result) -> None:
+    truth = read_truth(sound.folder / "truth.npz", unmixed.record.shape)
     step = 1 / (16383 - 512)
-    assert np.abs(result.white - sum(truth.values())).max() <= step
+    assert np.abs(unmixed.white - sum(truth.values())).max() <= step
 
 
-def test_every_frame_is_decoded_once_and_counted(tmp_path: Path) -> None:
-    session, _ = captured(tmp_path / "s", PLAN, small_bench(**SHARP))
+def test_every_frame_is_decoded_once_and_counted(sound: Session, tmp_path: Path) -> None:
     observer = Silent()
-    process(session, tmp_path / "r", Options(), observer)
+    process(sound, tmp_path / "r", Options(), observer)
     assert observer.stages == [
         ("separating", len(PLAN)),
         ("correcting", 4),
@@ -63,10 +89,12 @@ def test_every_frame_is_decoded_once_and_counted(tmp_path: Path) -> None:
     assert observer.units == len(PLAN) + 4 + 1
 
 
-def test_demosaiced_frames_have_a_pixel_for_each_photosite(tmp_path: Path) -> None:
-    session, measured = processed(tmp_path)
+def test_demosaiced_frames_have_a_pixel_for_each_photosite(
+    sound: Session, unmixed: Result, tmp_path: Path
+) -> None:
+    measured = unmixed
     options = Options("iva", demosaic=Demosaic.BILINEAR)
-    full = process(session, tmp_path / "full", options, Silent())
+    full = process(sound, tmp_path / "full", options, Silent())
     assert full.record.shape == (64, 80)
     # Red and blue lie at opposite corners of an RGGB quad, and are what the superpixels have.
     np.testing.assert_array_equal(full.white[::2, ::2, 0], measured.white[..., 0])
@@ -78,13 +106,14 @@ def test_demosaiced_frames_have_a_pixel_for_each_photosite(tmp_path: Path) -> No
     assert any("--demosaic bilinear" in command.line for command in commands(full.record))
 
 
-def test_processing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
-    session, _ = captured(tmp_path / "s", PLAN, small_bench(full_well_e=20000.0, **SHARP))
+def test_processing_twice_gives_the_same_bytes(
+    noisy: Session, by_default: Result, tmp_path: Path
+) -> None:
+    again = process(noisy, tmp_path / "r", Options(), Silent())
     contents = []
-    for name in ("a", "b"):
-        process(session, tmp_path / name, Options(), Silent())
-        paths = sorted(path for path in (tmp_path / name).rglob("*") if path.is_file())
-        contents.append({path.relative_to(tmp_path / name): path.read_bytes() for path in paths})
+    for folder in (by_default.folder, again.folder):
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        contents.append({path.relative_to(folder): path.read_bytes() for path in paths})
     assert contents[0] == contents[1]
 
 
@@ -148,11 +177,10 @@ def test_everything_saturated_is_one_message(tmp_path: Path) -> None:
     ],
 )
 def test_what_weakens_the_frames_is_said(
-    tmp_path: Path, defect: dict[str, object], word: str
+    unmixed: Result, tmp_path: Path, defect: dict[str, object], word: str
 ) -> None:
-    _, sound = processed(tmp_path / "sound")
-    _, weak = processed(tmp_path / "weak", **defect)
-    assert not any(word in warning for warning in sound.record.warnings)
+    weak = processed(tmp_path, **defect)
+    assert not any(word in warning for warning in unmixed.record.warnings)
     assert any(word in warning for warning in weak.record.warnings)
 
 
@@ -186,7 +214,7 @@ def test_sinusoids_are_separated_too(tmp_path: Path) -> None:
 
 
 def test_evaluation_is_zero_for_the_truth_itself(tmp_path: Path) -> None:
-    _, result = processed(tmp_path, scene="board")
+    result = processed(tmp_path, scene="board")
     truth = read_truth(tmp_path / "s" / "truth.npz", result.record.shape)
     rows = evaluate(result, {"direct": result.component(result.record.components[0])}).rows
     assigned = next(row for row in rows if row.matching == "assigned")
@@ -204,16 +232,16 @@ def test_evaluation_is_zero_for_the_truth_itself(tmp_path: Path) -> None:
         pytest.param(Options("iva", n_components=6), "2 to 5", id="too many components"),
     ],
 )
-def test_options_that_cannot_be(tmp_path: Path, options: Options, reason: str) -> None:
-    session, _ = captured(tmp_path / "s", PLAN)
+def test_options_that_cannot_be(
+    sound: Session, tmp_path: Path, options: Options, reason: str
+) -> None:
     with pytest.raises(LumisplitError, match=reason):
-        process(session, tmp_path / "r", options, Silent())
+        process(sound, tmp_path / "r", options, Silent())
     assert not (tmp_path / "r").exists()
 
 
-def test_the_default_yields_light_with_errors(tmp_path: Path) -> None:
-    session, _ = captured(tmp_path / "s", PLAN, small_bench(full_well_e=20000.0, **SHARP))
-    result = process(session, tmp_path / "r", Options(), Silent())
+def test_the_default_yields_light_with_errors(by_default: Result) -> None:
+    result = by_default
     assert result.record.method == "ranges"
     assert result.record.components[0] == "direct"
     images = [result.component(name) for name in result.record.components]
@@ -227,10 +255,9 @@ def test_the_default_yields_light_with_errors(tmp_path: Path) -> None:
     assert not list(result.folder.glob(".*"))
 
 
-def test_a_number_of_components_that_has_no_effect_is_said(tmp_path: Path) -> None:
-    session, _ = captured(tmp_path / "s", PLAN, small_bench(**SHARP))
+def test_a_number_of_components_that_has_no_effect_is_said(sound: Session, tmp_path: Path) -> None:
     for options in (Options(n_components=2), Options("ranges", n_components=2)):
-        result = process(session, tmp_path / "r", options, Silent())
+        result = process(sound, tmp_path / "r", options, Silent())
         assert any("had no effect" in warning for warning in result.record.warnings)
 
 
@@ -244,21 +271,22 @@ def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path) -> 
         process(session, tmp_path / "r2", Options(method="ranges"), Silent())
 
 
-def test_a_result_replaces_only_a_result(tmp_path: Path) -> None:
-    session, result = processed(tmp_path)
-    process(session, result.folder, Options("iva", n_components=2), Silent())
-    assert len(Result.open(result.folder).record.components) == 2
-    assert len(list((result.folder / "components").iterdir())) == 2
+def test_a_result_replaces_only_a_result(sound: Session, unmixed: Result, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(unmixed.folder, tmp_path / "r"))
+    assert len(list((folder / "components").iterdir())) == 3
+    process(sound, folder, Options("iva", n_components=2), Silent())
+    assert len(Result.open(folder).record.components) == 2
+    assert len(list((folder / "components").iterdir())) == 2
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter-1.tex").write_text("ten years")
-    for folder in (tmp_path / "thesis", tmp_path / "s"):
+    for taken in (tmp_path / "thesis", sound.folder):
         with pytest.raises(ResultError):
-            process(session, folder, Options(), Silent())
+            process(sound, taken, Options(), Silent())
     assert (tmp_path / "thesis" / "chapter-1.tex").exists()
 
 
-def test_a_changed_frame_stops_the_processing(tmp_path: Path) -> None:
-    session, _ = captured(tmp_path / "s", PLAN)
+def test_a_changed_frame_stops_the_processing(sound: Session, tmp_path: Path) -> None:
+    session = Session.open(Path(shutil.copytree(sound.folder, tmp_path / "s")))
     path = tmp_path / "s" / session.frames[7].file
     content = bytearray(path.read_bytes())
     content[-1] ^= 1
@@ -304,8 +332,8 @@ def test_damaged_results(tmp_path: Path, damage: bytes, reason: str) -> None:
         Result.open(tmp_path)
 
 
-def test_images_of_a_stranger(tmp_path: Path) -> None:
-    _, result = processed(tmp_path)
+def test_images_of_a_stranger(unmixed: Result, tmp_path: Path) -> None:
+    result = Result.open(Path(shutil.copytree(unmixed.folder, tmp_path / "r")))
     (result.folder / "white.tiff").write_bytes(b"II*\x00garbage")
     with pytest.raises(ResultError, match=r"white\.tiff"):
         _ = result.white
