@@ -101,8 +101,8 @@ def slopes(
     """
     pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
     return _slopes(  # type: ignore[no-any-return]
-        pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
-        gains,
+        pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
+        tables.pitch_px, gains,
     )  # fmt: skip
 
 
@@ -133,9 +133,10 @@ def fit_places(
     """
     pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
     one, other = accounts
+    # Every layout of the places would be compiled anew.
     fitted = _fit_places(
-        pixels, places, tables.down, tables.right, tables.first, tables.pitch_px,
-        gains, one.mixtures, other.mixtures, one.subsurface,
+        pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
+        tables.pitch_px, gains, one.mixtures, other.mixtures, one.subsurface,
         other.subsurface, white, variance, noise_gains,
         model_errors(tables.pitch_px, tables.blur_px2),
     )  # fmt: skip

@@ -54,11 +54,9 @@ class Scene:
             return np.zeros(self.places_px.shape[1:])
         # Whole periods, so that smoothing may wrap around.
         side = 2 * pattern.pitch_px * (1 + max(PROJECTOR_PX) // (2 * pattern.pitch_px))
-        contrast = 2 * pattern.code((side, side)) - 1
-        strips = [
-            contrast[:, 0],
-            contrast[0] * (contrast[0, 0] if pattern.family.varies_down else 1),
-        ]
+        down = 2 * pattern.code((side, 1))[:, 0] - 1
+        right = 2 * pattern.code((1, side))[0] - 1
+        strips = [down, right * (right[0] if pattern.family.varies_down else 1)]
         varies = pattern.family.varies_down, pattern.family.varies_right
         product = np.ones(self.places_px.shape[1:])
         for strip, at, used in zip(strips, self.places_px, varies, strict=True):
