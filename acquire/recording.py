@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import JsonValue
 
+from acquire.bench_file import SimSection
 from acquire.errors import SessionError
 from acquire.pause import Pause
 from acquire.plan import Plan
@@ -78,12 +79,21 @@ def _session(plan: Plan, bench: Bench, folder: Path) -> Session:
             f"{folder} was begun with another plan; a session is captured with one. Give the plan "
             "it was begun with, or another --out."
         )
-    if session.record.bench != description:
+    if _completed(session.record.bench) != _completed(description):
         raise SessionError(
             f"{folder} was begun on another bench (or the bench file was changed since); a session "
             "is captured on one. Give that bench, or another --out."
         )
     return session
+
+
+def _completed(bench: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """A bench's description; defects that were unknown when it was written are off."""
+    simulation = bench.get("sim")
+    if bench.get("kind") != "sim" or not isinstance(simulation, dict):
+        return bench
+    defaults = SimSection().model_dump(mode="json", exclude={"real_time"})
+    return bench | {"sim": defaults | simulation}
 
 
 def _write_truth(plan: Plan, bench: Bench, folder: Path) -> None:

@@ -82,8 +82,7 @@ class Certainty(IntEnum):
     PARTNER = 1
     RESIDUAL = 2
     PARTS = 3
-    LEVELS = 4
-    WHOLE = 5
+    WHOLE = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +139,8 @@ class Kind:
         (frames,): mean square of 2(c − c') with c' the code of the picture before.
     blocks
         int, (n,): the block, 0, 1 …, that a place lies in.
+    strips
+        int, (n,): the same for strips across the picture, which pictures are drawn in.
     black
         (n,), light with the projector black; 0 where it was not captured.
     mean
@@ -156,6 +157,7 @@ class Kind:
     covariance: Array
     change: Array
     blocks: NDArray[np.int64]
+    strips: NDArray[np.int64]
     black: Array
     mean: Array | None
     noise: float
@@ -275,9 +277,7 @@ def _judged(kind: Kind, predicted: Predictions, k: int, changes: Array) -> Judge
         finding, certainty = Finding.PREVIOUS, Certainty.WHOLE
     elif not visible or predicted.explained[k] < LEAST_EXPLAINED:
         finding = Finding.UNSEEN
-    elif np.any(levels < BLANK_AT):
-        finding, certainty = Finding.PARTIAL, Certainty.LEVELS
-    elif np.any(_shares(kind, predicted, k, spread) > WRONG_AT):
+    elif np.any(levels < BLANK_AT) or _shows_before(kind, predicted, k, spread):
         finding, certainty = Finding.PARTIAL, Certainty.PARTS
     elif share > OTHER_AT + 1.5 * (1 - float(predicted.explained[k])):
         finding, certainty = Finding.OTHER, Certainty.RESIDUAL
@@ -304,37 +304,59 @@ def _levels(kind: Kind, predicted: Predictions, k: int) -> tuple[float, float, A
     return float(seen.sum()) / whole, float(due.sum()) / whole, levels
 
 
-def _shares(kind: Kind, predicted: Predictions, k: int, spread: float) -> Array:
-    """Matched filter against the picture before in every block; NaN where it cannot be told."""
-    sizes = np.bincount(kind.blocks)
-    nothing = np.full(len(sizes), np.nan)
-    if predicted.explained[k] < EXPLAINS_BLOCKS:
-        return nothing
+def _shows_before(kind: Kind, predicted: Predictions, k: int, spread: float) -> bool:
+    """Whether any part of the frame shows the picture before."""
+    found = _picture_before(kind, predicted, k)
+    if found is None or predicted.explained[k] < EXPLAINS_BLOCKS:
+        return False
+    parts = (_shares(labels, predicted, k, spread, *found) for labels in (kind.blocks, kind.strips))
+    return any(bool(np.any(shares > WRONG_AT)) for shares in parts)
+
+
+def _picture_before(
+    kind: Kind, predicted: Predictions, k: int
+) -> tuple[Array, float, float] | None:
+    """The picture before, its noise, and what of it the frame's prediction shares."""
     j = int(kind.before_index[k])
-    before, own, shared = kind.before[k].astype(np.float64), predicted.noise, 0.0
+    before = kind.before[k].astype(np.float64)
     if not np.isnan(before).any():
         shared = predicted.noise * float(predicted.weights[k, j]) if j >= 0 else 0.0
-    elif j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS:
+        return before, predicted.noise, shared
+    if j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS:
         before = predicted.mean + predicted.deviations[j] - predicted.residuals[j]
-        own = predicted.noise * float(np.sum(predicted.weights[j] ** 2))
-    else:
-        return nothing
+        return before, predicted.noise * float(np.sum(predicted.weights[j] ** 2)), 0.0
+    return None
+
+
+def _shares(
+    labels: NDArray[np.int64],
+    predicted: Predictions,
+    k: int,
+    spread: float,
+    before: Array,
+    own: float,
+    shared: float,
+) -> Array:
+    """Matched filter against the picture before in every part; NaN where it cannot be told."""
+    sizes = np.bincount(labels)
     residual = predicted.residuals[k]
     expected = predicted.deviations[k] - residual
     way = before - predicted.mean - expected
-    along = np.bincount(kind.blocks, residual * way) - sizes * (spread - shared)
-    length = np.bincount(kind.blocks, way * way)
+    along = np.bincount(labels, residual * way) - sizes * (spread - shared)
+    length = np.bincount(labels, way * way)
     length = length - sizes * (own - 2 * shared + spread)
-    power = np.bincount(kind.blocks, expected**2)
+    power = np.bincount(labels, expected**2)
     least = np.maximum(LEAST_DIFFERENCE * predicted.noise * np.sqrt(sizes), LEAST_PART * power)
     shares: Array = np.where(length > least, along / np.maximum(length, 1e-30), np.nan)
     return shares
 
 
 def block_labels(
-    places: tuple[NDArray[np.int64], NDArray[np.int64]], shape: tuple[int, int], side: int = 4
+    places: tuple[NDArray[np.int64], NDArray[np.int64]],
+    shape: tuple[int, int],
+    counts: tuple[int, int],
 ) -> NDArray[np.int64]:
-    """Block of each place (row, column) when an image of `shape` is cut into side × side."""
-    down = np.minimum(places[0] * side // shape[0], side - 1)
-    labels: NDArray[np.int64] = down * side + np.minimum(places[1] * side // shape[1], side - 1)
+    """Block of each place (row, column) when an image of `shape` is cut into (down, right)."""
+    down, right = (places[axis] * counts[axis] // shape[axis] for axis in (0, 1))
+    labels: NDArray[np.int64] = down * counts[1] + right
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)

@@ -11,14 +11,21 @@ from acquire.errors import ProofError
 from acquire.plan import Plan
 from acquire.proof.records import FrameProof, figure
 from acquire.proof.samples import FrameSamples
-from acquire.proof.units import Unit, units_of
+from acquire.proof.units import FAMILIES, Unit, units_of
 from acquire.session import FrameRecord
 from processing.noise import noise_deviation
 from processing.patterns import Family, Pattern
 from processing.prediction import code_covariance, complements
-from processing.references import adds_up, both_show, later_reference
+from processing.references import adds_up, at_once, both_show, later_reference
 from processing.registration import movement
-from processing.showing import Finding, Judgement, Kind, block_labels, judge
+from processing.showing import (
+    COMPUTED_NOISE,
+    Finding,
+    Judgement,
+    Kind,
+    block_labels,
+    judge,
+)
 
 # Parts of the bright level (99th percentile): what is darker is not lit, or not looked at.
 UNLIT = 0.01
@@ -76,6 +83,27 @@ class Examination:
             return self._references(unit)
         return self._patterns(unit)
 
+    def seen_at_once(self, number: int) -> Finding | None:
+        """What the exposure of a line shows instead of its pattern, as far as it tells by itself.
+
+        Assumed is that the camera sees at least half the height and half the width of what is
+        projected.
+        """
+        line = self._lines[number]
+        step, samples = line.record.step, line.samples
+        if self._current[step] == number and self._is_repeated(step):
+            return Finding.PREVIOUS if self._noise_of(samples) > COMPUTED_NOISE else None
+        pattern = self.plan.patterns[step]
+        if pattern.family not in FAMILIES or pattern.pitch_px * 3 > min(self._projector_px):
+            return None
+        white, black = self._known_references(step)
+        if white is None or black is None:
+            return None
+        lit = self._lit(white, black, LOOKED_AT) & ~white.saturated
+        if lit.sum() < FEWEST_PLACES:
+            return None
+        return at_once(samples.grid[lit], white.grid[lit], black.grid[lit])
+
     def settle(self, unit: Unit) -> None:
         """The unit is done: rely on its references, forget its patterns."""
         if unit.are_references:
@@ -113,7 +141,7 @@ class Examination:
             return tuple(self._plain(step, Finding.UNSEEN) for step in unit.steps)
         white, black = self._at(first_white), self._at(first_black)
         noise = self._noise_of(white)
-        if not both_show(white.grid.ravel(), black.grid.ravel()):
+        if not both_show(white.grid.ravel(), black.grid.ravel(), noise):
             guilty = {step for step in (first_white, first_black) if step in unit.steps}
             return tuple(
                 self._plain(step, Finding.OTHER if step in guilty else Finding.UNSEEN)
@@ -152,7 +180,7 @@ class Examination:
     # Patterns
 
     def _patterns(self, unit: Unit) -> tuple[FrameProof, ...]:
-        white, black = self._known_references(unit)
+        white, black = self._known_references(unit.steps[0])
         lit = self._looked_at(unit, white, black)
         if len(unit.steps) < 2 or lit.sum() < FEWEST_PLACES:
             return tuple(self._plain(step, Finding.UNSEEN) for step in unit.steps)
@@ -162,9 +190,9 @@ class Examination:
         accused = self._accused_references(kind, judgements, white, black, lit)
         return (*proofs, *accused)
 
-    def _known_references(self, unit: Unit) -> tuple[FrameSamples | None, FrameSamples | None]:
-        """White and black that were exposed as the unit was."""
-        settings = self.plan.step(unit.steps[0]).settings
+    def _known_references(self, like: int) -> tuple[FrameSamples | None, FrameSamples | None]:
+        """White and black that were exposed as a step was."""
+        settings = self.plan.step(like).settings
         found: list[FrameSamples | None] = []
         for step in (self._white, self._black):
             usable = step is not None and self._is_known(step)
@@ -215,7 +243,8 @@ class Examination:
             before_index=index,
             covariance=self._covariance_of(unit),
             change=change,
-            blocks=block_labels(_places(lit), lit.shape),
+            blocks=block_labels(_places(lit), lit.shape, (4, 4)),
+            strips=block_labels(_places(lit), lit.shape, (16, 1)),
             black=dark,
             mean=mean,
             noise=self._noise_of(self._at(unit.steps[0])),

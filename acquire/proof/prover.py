@@ -18,8 +18,10 @@ from drivers.errors import DecodeError
 from processing.showing import Finding
 
 RETAKES = 3
-# Frames whose bytes are held while they wait to be sampled.
-MOST_WAITING = 2
+# Exposures in a row that cannot be what they should be, after which the capture stops.
+MOST_HOPELESS = 4
+# Frames whose bytes are held while they wait to be sampled, beside the next exposure.
+MOST_WAITING = 1
 _URGENCY = (
     Finding.BLANK,
     Finding.PREVIOUS,
@@ -27,7 +29,13 @@ _URGENCY = (
     Finding.OTHER,
     Finding.DOUBTFUL,
 )
+_SPECIFIC = {Finding.BLANK, Finding.PREVIOUS}
 _UNSPECIFIC = {Finding.OTHER, Finding.DOUBTFUL}
+_CAUSES = {
+    Finding.BLANK: "the projector is off, asleep, covered or without its cable.",
+    Finding.PREVIOUS: "the camera delivers one file over and over. Switch it off and on.",
+    Finding.OTHER: "far more light falls on the scene than white gave. Is a lamp of the room on?",
+}
 
 
 class Prover:
@@ -53,6 +61,8 @@ class Prover:
         self._blind = False
         self._retakes: dict[int, int] = {}
         self._open = set(self._examination.units)
+        self._hopeless = 0
+        self._is_watching = False
 
     @property
     def is_done(self) -> bool:
@@ -89,6 +99,7 @@ class Prover:
             if record.step in needed or follower in needed or number == len(lines) - 1:
                 self.take(number, record, self._session.read(record))
         self._collect(0)
+        self._is_watching = True
         closed = [unit for unit in units if unit.closes_at < len(frames)]
         for unit in closed:
             if done.issuperset(unit.steps) and not self._blind:
@@ -97,7 +108,13 @@ class Prover:
         return [unit for unit in closed if not done.issuperset(unit.steps)]
 
     def take(self, number: int, record: FrameRecord, data: bytes) -> None:
-        """Sample the frame of a line, in the background."""
+        """Sample the frame of a line, in the background, and look at the one before.
+
+        Raises
+        ------
+        ProofError
+            Several exposures in a row cannot be what they should be.
+        """
         if self._blind:
             return
         source = self._session.record.source
@@ -139,11 +156,13 @@ class Prover:
         again = f"taking it again ({self._retakes[chosen.step]} of {RETAKES})"
         return chosen.step, f"{self._named(chosen)} {chosen.in_words}; {again}."
 
-    def _order(self, proof: FrameProof) -> tuple[int, int, int]:
+    def _order(self, proof: FrameProof) -> tuple[int, int, int, int]:
         reference = self._session.plan.patterns[proof.step].family.is_reference
         return (
-            _URGENCY.index(proof.finding),
+            # What the other one of a pair may be guilty of: first those not taken again yet.
+            proof.finding not in _SPECIFIC,
             proof.attempt,
+            _URGENCY.index(proof.finding),
             -proof.step if reference else proof.step,
         )
 
@@ -167,16 +186,41 @@ class Prover:
                         "show; they are kept unjudged."
                     )
                 self._blind = True
+            else:
+                self._watch(number, record)
+
+    def _watch(self, number: int, record: FrameRecord) -> None:
+        """Stop where one exposure after the other cannot be what it should be."""
+        if not self._is_watching:
+            return
+        finding = self._examination.seen_at_once(number)
+        if finding is None:
+            self._hopeless = 0
+            return
+        self._hopeless += 1
+        proof = FrameProof(step=record.step, attempt=record.attempt, finding=finding)
+        if self._hopeless < MOST_HOPELESS or self._keep_unproven:
+            if record.attempt == 0:
+                self._warn(f"{self._named(proof)} {proof.in_words}; it will be taken again.")
+            return
+        raise ProofError(
+            f"{_capital(self._named(proof))} {proof.in_words}, like {MOST_HOPELESS - 1} exposures "
+            f"before it: {_CAUSES[finding]} The capture stopped here so as not to go on in vain. "
+            "Every frame is kept; the same command goes on and takes the wrong ones again."
+        )
 
     def _named(self, proof: FrameProof) -> str:
         return f"step {proof.step} ({self._session.plan.patterns[proof.step]})"
 
     def _message(self, proof: FrameProof) -> str:
-        name = self._named(proof)
         return (
-            f"{name[0].upper()}{name[1:]} {proof.in_words}, also after {RETAKES} retakes. "
+            f"{_capital(self._named(proof))} {proof.in_words}, also after {RETAKES} retakes. "
             "Every frame is kept. Look at the projector (on, awake, its window in front), at "
             "settle_s in the plan, and whether something moved or the light of the room changed; "
             "then give the same command again. `--keep-unproven` goes on all the same and notes "
             "it; `lumisplit verify --images` lists what is wrong."
         )
+
+
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]

@@ -137,16 +137,25 @@ class Stage:
         blur_px = self.defects.blur_px * self.transport.projector_px_per_camera_px
         return emission(raster, self.defects.gamma, self.defects.black_level, blur_px)
 
-    def _emitted(self, exposure_s: float, chance: Chance) -> NDArray[np.float64]:
+    def displayed(self, chance: Chance) -> Raster:
+        """What the projector shows when whatever was on its way has arrived."""
         if chance.dropped:
-            return self.emitted(self._black)
+            return self._black
         if chance.late:
-            return self.emitted(self._previous)
+            return self._previous
         if chance.drawn is not None:
-            return self.emitted(_torn(self._current, self._previous, chance.drawn))
+            return _torn(self._current, self._previous, chance.drawn)
+        return self._current
+
+    @property
+    def commanded(self) -> Raster:
+        """The raster that the projector was told to show last."""
+        return self._current
+
+    def _emitted(self, exposure_s: float, chance: Chance) -> NDArray[np.float64]:
+        light = self.emitted(self.displayed(chance))
         old = float(np.clip((self._arrival_s - self.clock.now()) / exposure_s, 0, 1))
-        light = self.emitted(self._current)
-        if old == 0:
+        if old == 0 or chance.dropped or chance.late or chance.drawn is not None:
             return light
         before = self.emitted(self._previous)
         if light.ndim != before.ndim:

@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 
 from acquire.errors import ProofError
-from acquire.proof import examine, read_proofs
+from acquire.proof import examine, read_proofs, verdict
+from acquire.proof.prover import MOST_HOPELESS
 from acquire.rig import find_bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
 from acquire.session.verification import problems
 from processing.showing import Finding
 from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
+from tests.acquire.faults import Faults, with_faults
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12]\n[references]\nevery_frames = 60\n")
 NOISE = {"full_well_e": 2500.0, "read_noise_e": 50.0}  # 2 % of full scale each
@@ -141,3 +143,79 @@ def test_a_recorded_session_is_judged_again(tmp_path: Path) -> None:
     (good.folder / "frames.jsonl").write_text(text.replace("?", second.sha256))
     found = list(examine(Session.open(good.folder), lambda: None))
     assert {step, step + 1} <= {proof.step for proof in found if proof.is_wrong}
+
+
+@pytest.mark.parametrize(
+    ("faults", "words"),
+    [
+        pytest.param(Faults(dark=lambda n: n >= 20), "projector is off", id="projector dark"),
+        pytest.param(Faults(frozen=lambda n: n >= 20), "one file over and over", id="same file"),
+    ],
+)
+def test_what_cannot_be_stops_after_a_few_frames_and_is_mended_afterwards(
+    tmp_path: Path, faults: Faults, words: str
+) -> None:
+    notes = Notes()
+    with pytest.raises(ProofError, match=words):
+        captured(tmp_path / "s", PLAN, with_faults(small_bench(**NOISE), faults), notes)
+    session = Session.open(tmp_path / "s")
+    # One more is exposed while the last of them is looked at.
+    assert len(session.lines) <= 20 + MOST_HOPELESS + 1
+    assert "step 20 " in notes.warnings[0]
+    assert words in session.record.runs[-1].reason
+    session, outcome = captured(tmp_path / "s", PLAN, small_bench(**NOISE))
+    assert outcome is Outcome.COMPLETE
+    assert [proof.step for proof in examine(session, lambda: None) if proof.is_wrong] == []
+
+
+def fates(*wrong: int) -> Faults:
+    return Faults(dark=lambda number: number in wrong)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        pytest.param(fates(0), id="first white dark"),
+        pytest.param(fates(2), id="first frame of a pitch"),
+        pytest.param(fates(37), id="last frame of a pitch"),
+        pytest.param(fates(62), id="a later white dark"),
+        pytest.param(Faults(frozen=lambda number: number == 62), id="a later white swapped"),
+        pytest.param(Faults(frozen=lambda number: number == 63), id="a later black swapped"),
+        pytest.param(Faults(frozen=lambda number: number == 2), id="first of a pitch swapped"),
+        pytest.param(Faults(frozen=lambda number: number == 37), id="last of a pitch swapped"),
+    ],
+)
+def test_a_wrong_frame_is_found_wherever_it_stands(tmp_path: Path, faults: Faults) -> None:
+    session, _ = captured(tmp_path / "s", PLAN, with_faults(small_bench(**NOISE), faults))
+    again = [line for line in session.lines if session.frames[line.step] != line]
+    wrong = [number for number in range(len(PLAN)) if faults.dark(number) or faults.frozen(number)]
+    # Where white and black are both dark, either may be wrong.
+    assert [line.step for line in again if line.step != 1] == wrong
+
+
+def test_a_known_movement_is_measured(tmp_path: Path) -> None:
+    bench = small_bench(camera_px=(96, 96), projector_px=(192, 256), move_px=0.8, **NOISE)
+    plan = small_plan("[pattern]\npitch_px = [12]\n[references]\nevery_frames = 12\n")
+    session, _ = captured(tmp_path / "s", plan, bench)
+    proofs = list(examine(session, lambda: None))
+    whites = [p for p in proofs if str(plan.patterns[p.step]) == "white" and p.moved_px]
+    assert len(whites) >= 4
+    for proof in whites:
+        assert proof.moved_px is not None
+        down, right = proof.moved_px
+        assert abs(down) <= 0.1
+        assert abs(right - 0.8 * proof.step / (len(plan) - 1)) <= 0.1
+    assert any(
+        "moved by up to 0.8" in line or "moved by up to 0.7" in line
+        for line in verdict(session, proofs)
+    )
+
+
+def test_a_session_from_before_a_defect_was_known_is_gone_on_with(tmp_path: Path) -> None:
+    captured(tmp_path / "s", PLAN, small_bench(), Notes(stop_after=5))
+    path = tmp_path / "s" / "session.json"
+    text = path.read_text()
+    assert '"torn": 0.0,' in text
+    path.write_text(text.replace('"torn": 0.0,', ""))
+    session, outcome = captured(tmp_path / "s", PLAN, small_bench())
+    assert (outcome, session.complete) == (Outcome.COMPLETE, True)

@@ -1,0 +1,87 @@
+"""Benches on which something goes wrong at a known exposure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquire.rig import Bench
+from acquire.rig.bench import Resumption, closed_with
+from drivers.errors import ProjectorError
+from drivers.protocols import Camera, CameraSettings, Clock, Devices, Projector, Raster, RawFrame
+
+
+@dataclass
+class Faults:
+    """What befalls the devices, by the number of the exposure in the session, from 0."""
+
+    dark: Callable[[int], bool] = lambda _: False
+    frozen: Callable[[int], bool] = lambda _: False
+    unplugged: Callable[[int], bool] = lambda _: False
+    failing: Callable[[int], BaseException | None] = lambda _: None
+    lost: Callable[[int], BaseException | None] = lambda _: None
+    clock_off_s: Callable[[int], float] = lambda _: 0.0
+    slept_s: Callable[[int], float] = lambda _: 0.0
+
+
+@dataclass
+class FaultyBench:
+    """Projector, camera and clock with faults; hands everything else on."""
+
+    projector_: Projector
+    camera_: Camera
+    clock: Clock
+    faults: Faults
+    number: int
+    last: RawFrame | None = None
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        return self.projector_.resolution
+
+    def show(self, raster: Raster) -> None:
+        dark = self.faults.dark(self.number)
+        self.projector_.show(np.zeros_like(raster) if dark else raster)
+
+    def check(self) -> None:
+        if self.faults.unplugged(self.number - 1):
+            raise ProjectorError("the projector was unplugged")
+
+    def capture(self, settings: CameraSettings) -> RawFrame:
+        error = self.faults.failing(self.number)
+        if error is not None:
+            raise error
+        frame = self.camera_.capture(settings)
+        error = self.faults.lost(self.number)
+        if error is not None:
+            raise error
+        if self.last is not None and self.faults.frozen(self.number):
+            frame = replace(frame, data=self.last.data)
+        slept_s = self.faults.slept_s(self.number)
+        off_s = self.faults.clock_off_s(self.number) + slept_s
+        monotonic_s = self.clock.monotonic() + slept_s
+        started_s, finished_s = frame.started_s + off_s, frame.finished_s + off_s
+        frame = replace(frame, started_s=started_s, finished_s=finished_s, monotonic_s=monotonic_s)
+        self.last = frame
+        self.number += 1
+        return frame
+
+    def close(self) -> None:
+        self.projector_.close()
+        self.camera_.close()
+
+
+def with_faults(bench: Bench, faults: Faults) -> Bench:
+    """The bench as it is, but for these faults."""
+
+    def connect(resumption: Resumption, closing: ExitStack) -> Devices:
+        devices = bench._connect(resumption, closing)
+        both = FaultyBench(
+            devices.projector, devices.camera, devices.clock, faults, len(resumption.taken)
+        )
+        return closed_with(Devices(both, both, devices.clock), closing)
+
+    return replace(bench, _connect=connect)
