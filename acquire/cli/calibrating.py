@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,6 +36,7 @@ class Kind(StrEnum):
     LATENCY = "latency"
     BOARD = "board"
     GEOMETRY = "geometry"
+    FOCUS = "focus"
 
 
 def register(app: typer.Typer) -> None:
@@ -43,7 +46,10 @@ def register(app: typer.Typer) -> None:
 
 def calibrate_command(
     kind: Annotated[Kind, typer.Argument(help="What to measure.")],
-    out: Annotated[Path, typer.Option(help="Profile to write (JSON); its page goes beside it.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Profile to write (JSON); its page goes beside it. focus writes none."),
+    ] = None,
     bench: Annotated[
         str | None,
         typer.Option(help="sim, lab, replay:SESSION or a bench file; default sim."),
@@ -74,7 +80,12 @@ def calibrate_command(
     square_mm: Annotated[
         float, typer.Option(min=0.1, max=10_000, help="geometry: side of its squares.")
     ] = 25.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the profile.")] = False,
+    shots: Annotated[
+        int | None, typer.Option(min=1, help="focus: looks to take; default: until Ctrl-C.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the profile; focus: a line a shot.")
+    ] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -82,6 +93,11 @@ def calibrate_command(
     from acquire.calibrating import calibrate, recorded_sessions
     from acquire.calibrating.page import write_page
 
+    if kind is Kind.FOCUS:
+        _focus(plan, exposure, bench or "sim", shots, as_json=as_json)
+        return
+    if out is None:
+        raise ProfileError(f"calibrate {kind.value} writes a profile: give --out PROFILE.json.")
     if out.suffix != ".json":
         raise ProfileError(f"--out {out}: a profile is JSON; give a name that ends in .json.")
     calibration = _calibration(kind, exposure, fraction, refresh, _chessboard(board, square_mm))
@@ -105,6 +121,30 @@ def calibrate_command(
     _print(calibrated)
     typer.echo(f"profile: {out}")
     typer.echo(f"page: {page}")
+
+
+def _focus(
+    plan_path: Path | None, exposure_s: float | None, name: str, shots: int | None, *, as_json: bool
+) -> None:
+    from acquire.calibrating.focusing import look
+
+    bench = find_bench(name)
+    setting = _setting(plan_path, exposure_s, bench.resolution)
+    best: dict[str, float] = {}
+    with stop_on_signals() as stop:
+        for shot in look(bench, setting, shots, stop):
+            if as_json:
+                typer.echo(json.dumps(asdict(shot)))
+                continue
+            figures = []
+            for lens, figure in (("chart", shot.chart), ("camera", shot.camera)):
+                best[lens] = max(best.get(lens, 0.0), figure or 0.0)
+                shown = "–" if figure is None else f"{figure:.4g}"
+                figures.append(f"{lens} {shown} (best {best[lens]:.4g})")
+            typer.echo(
+                f"{shot.number:4}  {'  '.join(figures)}  clipped {shot.clipped:.1%}  "
+                f"lit {shot.lit:.0%}"
+            )
 
 
 def _calibration(
