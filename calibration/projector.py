@@ -68,3 +68,21 @@ def leak_map(
     lit = usable & (white.sum(axis=-1) > 0)
     ratio[lit] = black[lit].sum(axis=-1) / white[lit].sum(axis=-1)
     return ratio
+
+
+def white_excess(white: NDArray[np.float64], primaries: NDArray[np.float64]) -> float:
+    """Light of white over that of its primaries one by one, less 1.
+
+    0 where the projector adds colours; above it where a colour wheel has a white segment, which
+    shines for white alone.
+
+    Parameters
+    ----------
+    white
+        (channels,): light of white less black.
+    primaries
+        (primaries, channels): light of each primary alone at its brightest, less black.
+    """
+    if white.ndim != 1 or primaries.shape[1:] != white.shape:
+        raise ValueError(f"white {white.shape} does not fit the primaries {primaries.shape}")
+    return float(white.sum() / primaries.sum() - 1)

@@ -15,7 +15,7 @@ from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
 from acquire.profile_file import Curve, Quantity, numbers
 from acquire.session import Session
-from calibration.projector import leak_map, measure_leak
+from calibration.projector import leak_map, measure_leak, white_excess
 from calibration.response import LEVELS, Response, fit_response
 from processing.patterns import Family, Pattern
 
@@ -118,21 +118,24 @@ class ResponseCalibration:
         """A monotone curve for grey and for each colour."""
         viewer = Viewer(sessions[0], frame_done)
         seen = viewer.references()
-        ramps, lamp = _ramps(viewer, seen)
+        ramps, lamp, excess = _ramps(viewer, seen)
         deviation = float(np.std(lamp, ddof=1) / np.sqrt(2)) if len(lamp) > 1 else 0.0
         fitted = {}
         for name, (levels, light, channel) in ramps.items():
             scale = float(seen.white_levels[:, channel].mean())
             fitted[name] = fit_response(levels, light, max(deviation, 1e-6) * scale)
         missed = _additivity(ramps)
-        return _response_finding(ramps, fitted, seen, missed, float(np.ptp(lamp)))
+        return _response_finding(ramps, fitted, seen, (missed, excess), float(np.ptp(lamp)))
 
 
 Ramp = tuple[NDArray[np.int64], NDArray[np.float64], int]
 
 
-def _ramps(viewer: Viewer, seen: References) -> tuple[dict[str, Ramp], NDArray[np.float64]]:
-    """Light of each ramp in the channel that sees it best, freed from the lamp's drift."""
+def _ramps(viewer: Viewer, seen: References) -> tuple[dict[str, Ramp], NDArray[np.float64], float]:
+    """Light of each ramp in the channel that sees it best, freed from the lamp's drift.
+
+    With it the lamp, relative, and `calibration.projector.white_excess`.
+    """
     lamp_at, lamp, black_at, black = [], [], [], []
     found: dict[str, dict[int, tuple[int, NDArray[np.float64]]]] = {}
     for frame, image in viewer.images(viewer.session.frames):
@@ -151,6 +154,7 @@ def _ramps(viewer: Viewer, seen: References) -> tuple[dict[str, Ramp], NDArray[n
     relative = np.array(lamp).sum(axis=1) - dark.sum()
     relative /= relative.mean()
     ramps: dict[str, Ramp] = {}
+    brightest = {}
     for name in ("grey", *COLOURS):
         if name not in found or not {0, LEVELS - 1} <= found[name].keys():
             raise ProfileError(
@@ -161,9 +165,11 @@ def _ramps(viewer: Viewer, seen: References) -> tuple[dict[str, Ramp], NDArray[n
         steps = np.array([found[name][level][0] for level in levels])
         light = np.array([found[name][level][1] for level in levels]) - dark
         light /= np.interp(steps, lamp_at, relative)[:, np.newaxis]
+        brightest[name] = light[-1]
         channel = int(np.argmax(light[-1]))
         ramps[name] = (levels, light[:, channel], channel)
-    return ramps, relative
+    primaries = np.array([brightest[name] for name in COLOURS])
+    return ramps, relative, white_excess(brightest["grey"], primaries)
 
 
 def _ramps_of(pattern: Pattern) -> list[tuple[str, int]]:
@@ -194,14 +200,21 @@ def _response_finding(
     ramps: dict[str, Ramp],
     fitted: dict[str, Response],
     seen: References,
-    missed: float,
+    misses: tuple[float, float],
     drift: float,
 ) -> Finding:
+    missed, excess = misses
     colours = [fitted[name] for name in COLOURS]
     white, black = (image[seen.usable].mean(dtype=np.float64) for image in (seen.white, seen.black))
     separable = missed <= WARNED_ADDITIVITY
     used = colours if separable else [fitted["grey"]] * 3
     warnings = []
+    if abs(excess) > WARNED_ADDITIVITY:
+        warnings.append(
+            f"White is {abs(excess):.1%} {'more' if excess > 0 else 'less'} light than red, green "
+            "and blue together: the projector adds a white segment or alters colours (brilliant "
+            "colour, dynamic modes). Turn that off; coloured patterns do not add up otherwise."
+        )
     if not separable:
         warnings.append(
             f"Grey does not follow its colours (off by {missed:.1%} of white): the projector adds "

@@ -86,6 +86,7 @@ def test_response_to_half_a_per_cent_of_white(tmp_path: Path) -> None:
         assert np.abs(found.profile.column("light", colour) - truth).max() < 0.005
     assert value(found, "gamma") == pytest.approx([2.2] * 3, abs=0.02)
     assert value(found, "offset") == pytest.approx([0.01], abs=0.005)
+    assert not any("white segment" in warning for warning in found.profile.warnings)
 
 
 def test_leak_is_a_map_and_a_number(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 from calibration.contrast import CheckerContrast, fit_contrast
 from calibration.errors import UnsupportedError
 from calibration.exposure import advise, signal_rate
+from calibration.projector import white_excess
 from calibration.response import fit_response
 from calibration.timing import fit_latency
 
@@ -138,3 +139,13 @@ def test_boards_that_are_none(modulation: list[float], message: str) -> None:
     curve_ = np.repeat(np.array(modulation), 6).reshape(2, 2, 3)
     with pytest.raises(UnsupportedError, match=message):
         fit_contrast(np.array([8.0, 32.0]), curve_, np.ones((2, 3)))
+
+
+def test_a_white_segment_is_what_white_has_over_its_primaries() -> None:
+    # Overlapping camera channels, as every camera has.
+    primaries = np.array([[0.3, 0.05, 0.01], [0.04, 0.5, 0.06], [0.0, 0.03, 0.25]])
+    assert white_excess(primaries.sum(axis=0), primaries) == pytest.approx(0, abs=1e-12)
+    segment = 0.3 * primaries.sum(axis=0)
+    assert white_excess(primaries.sum(axis=0) + segment, primaries) == pytest.approx(0.3)
+    with pytest.raises(ValueError, match=r"\(2,\) does not fit"):
+        white_excess(np.ones(2), primaries)
