@@ -35,8 +35,9 @@ iso = 200
 [projector]
 settle_s = 0.0
 """
-# An emulated processor takes 20 s to import hypothesis.
-QUICKLY = ("PYTEST_DISABLE_PLUGIN_AUTOLOAD=1", "PYTHONUNBUFFERED=1")
+# An emulated processor takes 20 s to import hypothesis, and longer to compile than its small
+# frames take uncompiled.
+QUICKLY = ("PYTEST_DISABLE_PLUGIN_AUTOLOAD=1", "PYTHONUNBUFFERED=1", "NUMBA_DISABLE_JIT=1")
 
 
 @dataclass(frozen=True, slots=True)
