@@ -87,7 +87,8 @@ def decompose_extrema(
         chosen = mask[lines]
         if chosen.any():
             block = [np.asarray(row[lines])[chosen] for row in rows]
-            fits.add(lines, chosen, model.fitted(block, white[lines][chosen]))
+            lit = white[lines][chosen]
+            fits.add(lines, chosen, lit, model.fitted(block, lit))
     found = translucent_map(fits.gain, mask, _CREASE_PX)
     colours = white.shape[2]
     capture = Capture(

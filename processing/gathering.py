@@ -128,6 +128,13 @@ class HarmonicsStack:
             return self._lit / np.float32(self._n_lit)
         raise ValueError("these patterns are not balanced: a white frame is needed beside them")
 
+    @property
+    def white_gain(self) -> float:
+        """Variance of `white` where the frames have unit variance, black left aside."""
+        if self._n_doubled:
+            return 4 / self._n_doubled
+        return 1 / max(self._n_lit, 1)
+
     def noise_variance(self) -> Image | None:
         """Variance of the noise of a frame in each pixel, mean over the pitches."""
         return self._power / np.float32(self._n_power) if self._n_power else None

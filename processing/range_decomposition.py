@@ -31,10 +31,11 @@ class RangeDecomposition:
     components
         float32, (n, height, width, colours), linear, in the unit of the frames, ≥ 0. They add
         up to `white`; 0 outside the mask.
-    deviations
-        float32, the same shape: standard error of each component, from the noise of the
-        frames and a model error of 1 % of white and more, scaled up where the fit is worse. What
-        the ranges cannot express and yet fit is not in it.
+    noise_errors
+        float32, the same shape: standard error of each component from the noise of the frames.
+        Where two places were fitted it is that of one.
+    model_errors
+        float32, the same shape: from what the model leaves out, see `processing.stated_errors`.
     names
         ``direct`` and ``interreflection``, with ``subsurface`` between them where there is any.
     pitch_px
@@ -56,7 +57,8 @@ class RangeDecomposition:
     """
 
     components: Image
-    deviations: Image
+    noise_errors: Image
+    model_errors: Image
     names: tuple[str, ...]
     pitch_px: Array
     mixing: Array
@@ -65,6 +67,11 @@ class RangeDecomposition:
     blur: tuple[Blur, ...]
     noise: Array
     warnings: tuple[str, ...]
+
+    @property
+    def deviations(self) -> Image:
+        """Standard errors in all, √(noise² + model²), float32, in the shape of `components`."""
+        return np.hypot(self.noise_errors, self.model_errors)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,16 +129,18 @@ def assemble(
     """
     mask = capture.mask
     lit = np.where(mask[..., np.newaxis], np.maximum(capture.white, 0), 0)
-    components, deviations = fits.components(found, lit)
-    kept = [0, 1, 2] if found.any() else [0, 2]
+    light = fits.chosen(found, mask, lit)
+    # A step makes views where a list of indices would copy.
+    step = 1 if found.any() else 2
     spaced = lattice(mask.shape)
     mixing = _mean_mixing(capture, sample, found[spaced][mask[spaced]])
     return RangeDecomposition(
-        components=components[kept],
-        deviations=deviations[kept],
-        names=tuple(NAMES[k] for k in kept),
+        components=light.components[::step],
+        noise_errors=light.noise_errors[::step],
+        model_errors=light.model_errors[::step],
+        names=NAMES[::step],
         pitch_px=np.append(capture.pitch_px, np.inf),
-        mixing=mixing[..., kept],
+        mixing=mixing[..., ::step],
         white=capture.white,
         translucent=found,
         blur=capture.blur,

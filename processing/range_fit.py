@@ -44,8 +44,12 @@ class AccountFit:
         float64, (n, ranges + 1), ≥ 0, adding up to white; the last has infinite range.
     direct_light, subsurface
         float64, (n,).
-    deviations
-        float64, (n, 3): standard errors of direct light, subsurface scattering and the rest.
+    noise_errors
+        float64, (n, 3): standard errors of direct light, subsurface scattering and the rest that
+        the noise of the frames makes.
+    misfits
+        float64, (n, 3): those that `model_errors` of the slopes would make, were they independent,
+        larger where the fit is worse than they and the noise allow.
     chi2
         float64, (n,), of the rows.
     """
@@ -53,7 +57,8 @@ class AccountFit:
     amounts: Array
     direct_light: Array
     subsurface: Array
-    deviations: Array
+    noise_errors: Array
+    misfits: Array
     chi2: Array
 
 
@@ -127,7 +132,7 @@ def fit_places(
     white
         (n,).
     variance
-        (n,), of the noise of a frame.
+        (n, 2), of the noise of a frame, and of white.
     noise_gains
         (pitches,), `slope_noise_gain`.
     """
@@ -166,7 +171,7 @@ def fit_rows(
     white
         (n,).
     variance
-        (pitches,), of the noise of D.
+        (pitches,), of the noise of D; white is taken to have none.
     """
     return _result(
         _fit_rows(
@@ -182,7 +187,7 @@ def fit_rows(
 
 def _result(fitted: tuple[Array, Array, Array]) -> AccountFit:
     amounts, parts, chi2 = fitted
-    return AccountFit(amounts, parts[:, 0], parts[:, 1], parts[:, 2:], chi2)
+    return AccountFit(amounts, parts[:, 0], parts[:, 1], parts[:, 2:5], parts[:, 5:], chi2)
 
 
 @njit(cache=True, fastmath=True)
@@ -243,19 +248,35 @@ def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore
 
 
 @njit(cache=True, fastmath=True)
-def _add_row(gram, moment, row, value, variance):  # type: ignore[no-untyped-def]
-    weight = 1 / variance
+def _add_row(gram, noise_gram, moment, row, value, noise, model):  # type: ignore[no-untyped-def]
+    """Add a row to AᵀWA, AᵀWNWA and AᵀWb, with N the noise's part of the variances 1/W."""
+    weight = 1 / (noise + model)
+    part = weight * noise
     for a in range(len(row)):
         weighted = row[a] * weight
         moment[a] += weighted * value
-        for b in range(len(row)):
-            gram[a, b] += weighted * row[b]
+        for b in range(a + 1):
+            product = weighted * row[b]
+            gram[a, b] += product
+            noise_gram[a, b] += part * product
 
 
 @njit(cache=True)
-def _solve(gram, moment, square, white, subsurface, degrees, amounts, parts):  # type: ignore[no-untyped-def]
+def _mirror(matrix):  # type: ignore[no-untyped-def]
+    """Fill the upper triangle from the lower one."""
+    for a in range(len(matrix)):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+
+
+@njit(cache=True)
+def _solve(  # type: ignore[no-untyped-def]
+    gram, noise_gram, moment, square, white, white_variance, subsurface, degrees, amounts, parts,
+):  # fmt: skip
     """Hold the total to white, solve, share out; χ² of the rows."""
     n = len(moment)
+    _mirror(gram)
+    _mirror(noise_gram)
     weight = (_TOTAL_WEIGHT / max(white, 1e-12)) ** 2
     held, pull = gram + weight, moment + weight * white
     inverse = np.zeros((n, n))
@@ -266,14 +287,20 @@ def _solve(gram, moment, square, white, subsurface, degrees, amounts, parts):  #
     first, end = subsurface
     parts[0] = amounts[0]
     parts[1] = amounts[first:end].sum()
-    scatter = inverse[first:end, first:end].sum()
-    crossed = inverse[0, first:end].sum()
-    # An amount held at 0 has no variance of its own; that of the row it is nearest to stands in.
-    least = 1 / max(held[0, 0], 1e-300)
+    if inverse[0, 0] == 0:
+        # Held at 0, it has no variance of its own; that of direct light alone stands in.
+        inverse[0, 0] = 1 / max(held[0, 0], 1e-300)
     inflation = max(chi2 / degrees, 1.0)
-    parts[2] = np.sqrt(inflation * max(inverse[0, 0], least))
-    parts[3] = np.sqrt(inflation * max(scatter, 0.0))
-    parts[4] = np.sqrt(inflation * max(inverse[0, 0] + scatter + 2 * crossed, least))
+    for k, (one, other) in enumerate(((0, 1), (first, end), (end, n))):
+        # How the component moves with AᵀWb.
+        response = np.zeros(n)
+        for a in range(one, other):
+            response += inverse[a]
+        noise = np.dot(response, noise_gram @ response)
+        model = np.dot(response, gram @ response) - noise
+        noise += (weight * response.sum()) ** 2 * white_variance
+        parts[2 + k] = np.sqrt(max(noise, 0.0))
+        parts[5 + k] = np.sqrt(inflation * max(model, 0.0))
     return chi2
 
 
@@ -286,12 +313,13 @@ def _fit_places(  # type: ignore[no-untyped-def]
     n_spreads, n_ranges = mixtures.shape
     n_others = others.shape[1]
     amounts, other_amounts = np.zeros((n_pixels, n_ranges + 1)), np.zeros((n_pixels, n_others + 1))
-    parts, other_parts = np.zeros((n_pixels, 5)), np.zeros((n_pixels, 5))
+    parts, other_parts = np.zeros((n_pixels, 8)), np.zeros((n_pixels, 8))
     chi2, other_chi2 = np.zeros(n_pixels), np.zeros(n_pixels)
     degrees = max(n_pitches - 4, 1)
     for i in prange(n_pixels):
         gram, moment = np.zeros((n_ranges + 1, n_ranges + 1)), np.zeros(n_ranges + 1)
         other_gram, other_moment = np.zeros((n_others + 1, n_others + 1)), np.zeros(n_others + 1)
+        noise_gram, other_noise = np.zeros_like(gram), np.zeros_like(other_gram)
         response = np.zeros(n_spreads)
         row, other_row = np.zeros(n_ranges + 1), np.zeros(n_others + 1)
         square = 0.0
@@ -300,16 +328,20 @@ def _fit_places(  # type: ignore[no-untyped-def]
                 harmonics[i, k], down, right, first[k], pitch_px[k],
                 places[0, i], places[1, i], gain[i, k], response,
             )  # fmt: skip
-            spread = variance[i] * noise_gains[k] / energy + (model[k] * white[i]) ** 2 + 1e-30
-            square += slope * slope / spread
+            noise = variance[i, 0] * noise_gains[k] / energy
+            off = (model[k] * white[i]) ** 2 + 1e-30
+            square += slope * slope / (noise + off)
             _mix(response, mixtures, row)
-            _add_row(gram, moment, row, slope, spread)
+            _add_row(gram, noise_gram, moment, row, slope, noise, off)
             _mix(response, others, other_row)
-            _add_row(other_gram, other_moment, other_row, slope, spread)
-        chi2[i] = _solve(gram, moment, square, white[i], subsurface, degrees, amounts[i], parts[i])
+            _add_row(other_gram, other_noise, other_moment, other_row, slope, noise, off)
+        chi2[i] = _solve(
+            gram, noise_gram, moment, square, white[i], variance[i, 1], subsurface, degrees,
+            amounts[i], parts[i],
+        )  # fmt: skip
         other_chi2[i] = _solve(
-            other_gram, other_moment, square, white[i], other_subsurface, degrees,
-            other_amounts[i], other_parts[i],
+            other_gram, other_noise, other_moment, square, white[i], variance[i, 1],
+            other_subsurface, degrees, other_amounts[i], other_parts[i],
         )  # fmt: skip
     return amounts, parts, chi2, other_amounts, other_parts, other_chi2
 
@@ -328,16 +360,20 @@ def _fit_rows(rows, responses, subsurface, white, variance, model):  # type: ign
     n_pixels, n_pitches = rows.shape
     n_ranges = responses.shape[1]
     amounts = np.zeros((n_pixels, n_ranges + 1))
-    parts, chi2 = np.zeros((n_pixels, 5)), np.zeros(n_pixels)
+    parts, chi2 = np.zeros((n_pixels, 8)), np.zeros(n_pixels)
     for i in prange(n_pixels):
         gram, moment = np.zeros((n_ranges + 1, n_ranges + 1)), np.zeros(n_ranges + 1)
+        noise_gram = np.zeros_like(gram)
         row = np.zeros(n_ranges + 1)
         square = 0.0
         for k in range(n_pitches):
             row[:n_ranges] = responses[k]
-            spread = variance[k] + (model[k] * white[i]) ** 2 + 1e-30
-            _add_row(gram, moment, row, rows[i, k], spread)
-            square += rows[i, k] ** 2 / spread
+            off = (model[k] * white[i]) ** 2 + 1e-30
+            _add_row(gram, noise_gram, moment, row, rows[i, k], variance[k], off)
+            square += rows[i, k] ** 2 / (variance[k] + off)
         degrees = max(n_pitches - 4, 1)
-        chi2[i] = _solve(gram, moment, square, white[i], subsurface, degrees, amounts[i], parts[i])
+        chi2[i] = _solve(
+            gram, noise_gram, moment, square, white[i], 0.0, subsurface, degrees, amounts[i],
+            parts[i],
+        )  # fmt: skip
     return amounts, parts, chi2

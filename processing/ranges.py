@@ -74,12 +74,19 @@ class _Optics:
     tables: tuple[ResponseTables, ...]
     noise: Array
     noise_gains: Array
+    white_gain: float
     accounts: tuple[Account, Account]
 
     def variance(self, light: Array) -> Array:
         """Of a frame's noise at (n, colours) of white light; 0 where it is unknown."""
         constant, rise = np.nan_to_num(self.noise).T
         variance: Array = constant + rise * np.maximum(light, 0)
+        return variance
+
+    def white_variance(self, light: Array) -> Array:
+        """Of white at (n, colours) of it: its own frames', and that of one black frame."""
+        constant, _ = np.nan_to_num(self.noise).T
+        variance: Array = self.white_gain * self.variance(light) + 4 * constant
         return variance
 
     def gains(self, shapes: Array) -> Array:
@@ -137,7 +144,7 @@ def decompose_ranges(
     accounts = opaque(pitch_px), translucent(pitch_px)
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
-    optics = _Optics(tuple(blur), tables, noise, gains, accounts)
+    optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, accounts)
     fits, coherence, places = _fit_blocks(stack, white, mask, optics, progress)
     settled, suspects = _settle_edges(stack, white, places, mask, optics, fits, progress)
     least_px = _CREASE_PITCHES * pitch_px.min() / projector_px_per_px(places, mask)
@@ -223,7 +230,7 @@ def _fit_blocks(
         chosen = mask[lines]
         if chosen.any():
             located = _locate(stack, white, mask, lines, optics)
-            fits.add(lines, chosen, _fitted(located, optics))
+            fits.add(lines, chosen, located.light, _fitted(located, optics))
             coherence[lines][chosen] = located.places.coherence
             places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
         progress(_FIT_SHARE * min(lines.stop / len(mask), 1.0))
@@ -261,6 +268,7 @@ def _settle_edges(
         pixels = pixels[:, found]
         fits.correct(
             pixels,
+            light[found].astype(np.float32),
             two.direct_light[found].astype(np.float32),
             two.deviations[found].astype(np.float32),
         )
@@ -271,7 +279,9 @@ def _settle_edges(
 def _fitted(located: _Located, optics: _Optics) -> Fits:
     """Both accounts of each colour."""
     fits = []
-    variance = optics.variance(located.light)
+    variance = np.stack(
+        [optics.variance(located.light), optics.white_variance(located.light)], axis=-1
+    )
     for colour, tables in enumerate(optics.tables):
         fits.append(
             fit_places(

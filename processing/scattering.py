@@ -8,12 +8,14 @@ light is inter-reflection.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from processing.range_fit import AccountFit
+from processing.stated_errors import model_errors, signs
 
 Image = NDArray[np.float32]
 
@@ -23,6 +25,23 @@ EVIDENCE = 8.0
 # What suffices beside pixels of strong evidence, where neighbourhoods reach over the border.
 _WEAK_EVIDENCE = 3.0
 _NEIGHBOURHOOD_PX = (5, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenLight:
+    """What the evidence chose, float32, (3, height, width, colours) each.
+
+    Parameters
+    ----------
+    components
+        Direct, subsurface, inter-reflection.
+    noise_errors, model_errors
+        Standard errors of each.
+    """
+
+    components: Image
+    noise_errors: Image
+    model_errors: Image
 
 
 class RivalFits:
@@ -35,14 +54,18 @@ class RivalFits:
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        # Account, quantity: direct, subsurface, and the standard errors of all three.
-        self._parts = np.zeros((2, 5, *shape), np.float32)
+        self._direct = np.zeros((2, *shape), np.float32)
+        self._scattered = np.zeros(shape, np.float32)
+        # Account, noise or misfit, component; relative to white, for half precision holds few
+        # decades.
+        self._errors = np.zeros((2, 2, 3, *shape), np.float16)
         self.gain = np.zeros(shape[:2], np.float32)
 
     def add(
         self,
         lines: slice,
         chosen: NDArray[np.bool_],
+        light: NDArray[np.floating],
         fits: Sequence[tuple[AccountFit, AccountFit]],
     ) -> None:
         """Take in the fits, opaque and translucent, of each colour.
@@ -53,46 +76,80 @@ class RivalFits:
             Which lines of the picture.
         chosen
             bool, (lines, width): their pixels that were fitted, n of them.
+        light
+            (n, colours): white of these.
         fits
             One pair a colour.
         """
         for colour, pair in enumerate(fits):
             for account, fit in enumerate(pair):
-                values = np.column_stack([fit.direct_light, fit.subsurface, fit.deviations])
-                self._parts[account][:, lines, :, colour][:, chosen] = values.T
+                self._direct[account][lines, :, colour][chosen] = fit.direct_light
+                for kind, errors in enumerate((fit.noise_errors, fit.misfits)):
+                    for component, error in enumerate(errors.T):
+                        held = self._errors[account, kind, component]
+                        held[lines, :, colour][chosen] = _relative(error, light[:, colour])
+            self._scattered[lines, :, colour][chosen] = pair[1].subsurface
             self.gain[lines][chosen] += (pair[0].chi2 - pair[1].chi2).astype(np.float32)
 
-    def correct(self, pixels: NDArray[np.int64], direct: Image, deviations: Image) -> None:
+    def correct(
+        self, pixels: NDArray[np.int64], light: Image, direct: Image, deviations: Image
+    ) -> None:
         """Put in direct light that another account found; such pixels have no vote.
 
         Parameters
         ----------
         pixels
             (2, n): rows and columns.
-        direct, deviations
-            (n, colours): the light and its standard error, which is that of the rest as well.
+        light, direct, deviations
+            (n, colours): white, direct light and its standard error, which is that of the rest
+            as well.
         """
         rows, columns = pixels
-        for parts in self._parts:
-            parts[0, rows, columns] = direct
-            parts[2, rows, columns] = deviations
-            parts[4, rows, columns] = np.maximum(parts[4, rows, columns], deviations)
+        relative = _relative(deviations, light)
+        for account in range(2):
+            self._direct[account, rows, columns] = direct
+            misfits = self._errors[account, 1]
+            misfits[0, rows, columns] = relative
+            misfits[2, rows, columns] = np.maximum(misfits[2, rows, columns], relative)
         self.gain[rows, columns] = 0
 
-    def components(self, found: NDArray[np.bool_], white: Image) -> tuple[Image, Image]:
-        """Direct, subsurface, inter-reflection and their standard errors, (3, h, w, c) each.
+    def chosen(
+        self, found: NDArray[np.bool_], mask: NDArray[np.bool_], white: Image
+    ) -> ChosenLight:
+        """Components and their errors.
 
         Parameters
         ----------
         found
             bool, (height, width): where the translucent account holds.
+        mask
+            bool, (height, width): what was fitted.
         white
             float32, (height, width, colours), what the components add up to, ≥ 0.
         """
-        parts = np.where(found[..., np.newaxis], self._parts[1], self._parts[0])
-        direct = np.minimum(parts[0], white)
-        subsurface = np.minimum(parts[1], white - direct)
-        return np.stack([direct, subsurface, white - direct - subsurface]), parts[2:]
+        light = ChosenLight(*(np.zeros((3, *white.shape), np.float32) for _ in range(3)))
+        for colour in range(white.shape[2]):
+            lit = white[..., colour]
+            accounts = self._direct[..., colour]
+            direct = np.minimum(np.where(found, accounts[1], accounts[0]), lit)
+            rival = np.minimum(np.where(found, accounts[0], accounts[1]), lit)
+            scattered = np.minimum(self._scattered[..., colour], lit - direct)
+            subsurface = np.where(found, scattered, np.float32(0))
+            parts = np.stack([direct, subsurface, lit - direct - subsurface])
+            errors = self._errors[..., colour]
+            noise, misfits = np.where(found, errors[1], errors[0]) * lit
+            light.components[..., colour] = parts
+            light.noise_errors[..., colour] = noise
+            light.model_errors[..., colour] = model_errors(
+                signs(misfits, parts, rival, scattered, found, mask)
+            )
+        return light
+
+
+def _relative(error: NDArray[np.floating], light: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Errors as parts of white, at most all of it."""
+    relative: NDArray[np.floating] = np.minimum(error / np.maximum(light, 1e-9), 1.0)
+    return relative
 
 
 def translucent_map(
