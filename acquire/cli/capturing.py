@@ -19,7 +19,7 @@ from acquire.plan_file import check_fits, example_text
 from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
 from acquire.rig import Bench, find_bench
 from acquire.session import Session
-from acquire.session.verification import problems
+from acquire.session.verification import happenings, problems
 from acquire.storage import check_room, free_bytes
 
 if TYPE_CHECKING:
@@ -170,6 +170,7 @@ def verify_command(
                     "complete": session.complete,
                     "frames": len(session.frames),
                     "problems": found,
+                    "runs": list(happenings(session)),
                     "wrong_frames": [proof.model_dump(mode="json") for proof in wrong],
                     "figures": [proof.model_dump(mode="json") for proof in proofs],
                     "verdict": list(verdict(session, proofs)) if images else None,
@@ -178,7 +179,7 @@ def verify_command(
             )
         )
     else:
-        for line in [*found, *(_in_words(session, proof) for proof in wrong)]:
+        for line in [*happenings(session), *found, *(_in_words(session, proof) for proof in wrong)]:
             typer.echo(line)
         for line in verdict(session, proofs) if images and not found else ():
             typer.echo(line)

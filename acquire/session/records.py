@@ -110,7 +110,7 @@ class RunRecord(StrictModel):
     started_s: float
     first_step: int = Field(ge=0, le=MAX_STEPS)
     finished_s: float | None = None
-    outcome: Literal["running", "complete", "stopped", "failed"] = "running"
+    outcome: Literal["running", "complete", "stopped", "failed", "interrupted"] = "running"
     reason: str = ""
 
 

@@ -25,6 +25,7 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
 PROOF = "proof.jsonl"
 LOCK = ".lock"
+INTERRUPTED = "It ended without a word: the power failed, or the program was killed."
 
 
 class Session:
@@ -121,7 +122,11 @@ class Session:
     def begin_run(self, started_s: float) -> None:
         """Note that a capture starts here and goes on from the lines that are there."""
         run = RunRecord(started_s=started_s, first_step=len(self.frames))
-        self._rewrite((*self.record.runs, run))
+        before = self.record.runs
+        if before and before[-1].outcome == "running":
+            broken = {"outcome": "interrupted", "reason": INTERRUPTED}
+            before = (*before[:-1], before[-1].model_copy(update=broken))
+        self._rewrite((*before, run))
 
     def end_run(self, finished_s: float, outcome: str, reason: str = "") -> None:
         """Note how the run that was begun last has ended."""

@@ -22,6 +22,19 @@ def problems(session: Session) -> Iterator[str | None]:
     yield from _strangers(session)
 
 
+def happenings(session: Session) -> Iterator[str]:
+    """How the runs of the capture ended that did not complete it, in words."""
+    runs = session.record.runs
+    for number, run in enumerate(runs, 1):
+        if run.outcome == "complete":
+            continue
+        reason = run.reason
+        if run.outcome == "running":
+            reason = "It is still going on, or the power failed or the program was killed."
+        where = f"run {number} of {len(runs)}, from step {run.first_step}"
+        yield f"{where}: {run.outcome}{': ' if reason else '.'}{reason}"
+
+
 def _strangers(session: Session) -> Iterator[str]:
     listed = {frame.file for frame in session.lines}
     found = {f"{FRAMES}/{path.name}" for path in (session.folder / FRAMES).iterdir()}

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from acquire.session import Session
-from acquire.session.verification import problems
+from acquire.session.verification import happenings, problems
 from tests import processes
 from tests.acquire.captures import recorded_bytes
 from tests.processes import PATIENCE_S, finish, lines, wait_for_lines
@@ -66,6 +66,9 @@ def test_killed_again_and_again_every_file_is_as_if_never_killed(bench: Path) ->
     assert process.returncode == 0
     assert recorded_bytes(killed) == recorded_bytes(whole)
     assert [problem for problem in problems(Session.open(killed)) if problem] == []
+    outcomes = [run.outcome for run in Session.open(killed).record.runs]
+    assert outcomes.count("interrupted") == kills
+    assert sum("killed" in line for line in happenings(Session.open(killed))) == kills
 
 
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
