@@ -100,9 +100,8 @@ def _estimate(
         return extrema_estimate(direct, white, noise, correction, leak=leak)
     correction = extrema_correction(len(patterns))
     at = lattice(separated.mask.shape)
-    usable = (separated.mask[at] == PixelClass.MEASURED)[..., np.newaxis]
-    swing = np.where(usable, direct[at] * (1 - leak), 0)
-    kinds = measured_kinds(sample, swing, noise.deviation(white[at] / 2), correction)
+    usable = separated.mask[at] == PixelClass.MEASURED
+    kinds = measured_kinds(sample, noise, usable, correction)
     return extrema_estimate(direct, white, noise, correction, kinds=kinds, leak=leak)
 
 

@@ -86,28 +86,37 @@ class FrameSample:
         weights = null_weights(self.patterns)
         return None if weights is None else np.tensordot(weights, self.frames, 1) ** 2
 
-    def growth(self, deviation: Array) -> Array:
+    def growth(self, noise: FrameNoise) -> tuple[Array, Array]:
         """How much the range of the frames grows when further noise is added to them.
+
+        What is added to a frame follows its own light, as its noise does: lit frames are noisier
+        than dark ones, and noise of one and the same width would count for more in the dark.
 
         Parameters
         ----------
-        deviation
-            σ of a frame's noise, (rows, columns, colours).
+        noise
+            Of a frame.
 
         Returns
         -------
-        (2, rows, columns, colours), in units of σ: for added noise of the same variance, and of
-        `ADDED` times as much. The draws are the same at every call.
+        swing, growth
+            (rows, columns, colours) and (2, rows, columns, colours), in units of the mean noise
+            of a lit and of a dark frame: largest less smallest frame, and its growth for added
+            noise of the variances `ADDED`, in units of each frame's own. The draws are the same
+            at every call.
         """
-        frames = self.frames / np.maximum(deviation, 1e-12)
-        plain = np.ptp(frames, axis=0)
+        frames = self.frames
+        plain, level = np.ptp(frames, axis=0), frames.mean(axis=0)
+        lit, dark = (noise.deviation(level + end * plain / 2) for end in (1, -1))
+        unit = np.maximum((lit + dark) / 2, 1e-12)
+        own = noise.deviation(frames)
         rng = np.random.default_rng(0)
         grown = np.zeros((2, *plain.shape))
         for _ in range(_DRAWS):
-            noise = rng.standard_normal(frames.shape, np.float32)
+            drawn = own * rng.standard_normal(frames.shape, np.float32)
             for k, variance in enumerate(ADDED):
-                grown[k] += (np.ptp(frames + np.sqrt(variance) * noise, axis=0) - plain) / _DRAWS
-        return grown
+                grown[k] += np.ptp(frames + np.sqrt(variance) * drawn, axis=0) - plain
+        return plain / unit, grown / (_DRAWS * unit)
 
 
 def lattice(shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -39,12 +39,12 @@ Array: TypeAlias = NDArray[np.float64]
 # Parts of the lit frames that see a pixel evenly lit, and steps of contrast between the others.
 _EVEN_PARTS = (1.0, 0.72, 0.5, 0.33, 0.22, 0.11, 0.05)
 _STEPS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Direct light, in units of noise, from which the growth tells kinds apart; side of the window on
-# the lattice over which it is averaged.
+# Direct light, in units of noise, from which the growth tells kinds apart.
 _TELLING = 6.0
-# Standard deviation of the bias, in units of noise, among the pixels of a window: of the simulated
-# scenes it was 0.2 to 0.5.
-_KIND_SPREAD = 0.36
+# Standard deviation of the error of the bias, in units of noise, among the pixels of a window;
+# chosen on simulated scenes (sharp, pitches 10, 44, 72) and synthetic pixels, rather too wide.
+_KIND_SPREAD = 0.5
+# Side of the window on the lattice over which the growth is averaged.
 _NEAR = 5
 
 
@@ -75,7 +75,7 @@ class Correction:
         float64, (kinds, entries): `processing.order_statistics.IntervalTable` for each kind of
         pixel; how many frames come near the extrema, and how near, makes the kind.
     swing, growth
-        float64, (deltas,) and (kinds, 2, deltas): `FrameSample.growth` to be expected at D/σ.
+        float64, (kinds, deltas) and (kinds, 2, deltas): `FrameSample.growth` to be expected.
     """
 
     middle: Array
@@ -116,9 +116,8 @@ class Correction:
         filled = [row(ratios) for row in rows]
         middle, half = (np.stack([one[k] for one in filled]) for k in (0, 1))
         means = [mean_range(one) for one in distributions]
-        swing = means[0][0]
-        growth = np.array([[_grown(swing, mean, added) for added in ADDED] for _, mean in means])
-        return cls(middle, half, swing, growth)
+        growth = [[_grown(delta, mean, added) for added in ADDED] for delta, mean in means]
+        return cls(middle, half, np.array([mean for _, mean in means]), np.array(growth))
 
     def kinds(self, light: Array, growth: Array) -> NDArray[np.int64]:
         """Which kind each pixel of a lattice is, from what noise does to its neighbourhood.
@@ -126,15 +125,15 @@ class Correction:
         Parameters
         ----------
         light
-            (rows, columns, colours), D/σ; 0 where a pixel is of no use.
+            (rows, columns, colours), (max − min)/σ; 0 where a pixel is of no use.
         growth
             (2, rows, columns, colours), `FrameSample.growth`.
         """
         counts = light > _TELLING
         misfit = np.empty((len(self.middle), *light.shape))
-        for k, curves in enumerate(self.growth):
+        for k, (mean, curves) in enumerate(zip(self.swing, self.growth, strict=True)):
             off = [
-                np.where(counts, seen - np.interp(light, self.swing, curve), 0)
+                np.where(counts, seen - np.interp(light, mean, curve), 0)
                 for seen, curve in zip(growth, curves, strict=True)
             ]
             misfit[k] = sum(_around(one) ** 2 for one in off)
@@ -215,7 +214,7 @@ def extrema_estimate(
 
 
 def measured_kinds(
-    sample: FrameSample, direct_light: Image, deviation: Array, correction: Correction
+    sample: FrameSample, noise: FrameNoise, usable: NDArray[np.bool_], correction: Correction
 ) -> NDArray[np.int64]:
     """Kinds of the pixels of the lattice, for `extrema_estimate`.
 
@@ -223,13 +222,16 @@ def measured_kinds(
     ----------
     sample
         The frames.
-    direct_light, deviation
-        (rows, columns, colours): max − min, and σ of a frame's noise, on the lattice.
+    noise
+        Of a frame.
+    usable
+        bool, (rows, columns), True where a pixel of the lattice counts.
     correction
         The kinds.
     """
-    light = direct_light / np.maximum(deviation, 1e-12)
-    return correction.kinds(np.where(np.isfinite(light), light, 0), sample.growth(deviation))
+    light, growth = sample.growth(noise)
+    counts = usable[..., np.newaxis] & np.isfinite(light)
+    return correction.kinds(np.where(counts, light, 0), growth)
 
 
 def amplitude_estimate(
