@@ -117,7 +117,7 @@ class Iva:
         self,
         folder: Path,
         separated: SeparatedPitches,
-        told: Told,  # noqa: ARG002 (takes seconds)
+        told: Told,
     ) -> Components:
         """Unmix the direct images of the resolved pitches and white."""
         resolved = separated.resolved
@@ -130,6 +130,7 @@ class Iva:
             n_components=n_components,
             n_iterations=self._n_iterations,
             smoothing_px=self._smoothing_px,
+            progress=told,
         )
         return Components(
             images=dict(zip(found.names, found.components, strict=True)),

@@ -8,7 +8,7 @@ the white row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +75,7 @@ def decompose_iva(
     n_iterations: int = 10,
     smoothing_px: float | None = None,
     out: NDArray[np.float32] | None = None,
+    progress: Callable[[float], object] = lambda _done: None,
 ) -> Decomposition:
     """Take D = A X apart by independent vector analysis.
 
@@ -98,16 +99,20 @@ def decompose_iva(
     out
         float32, (n, height, width, colours), where to write the components; may be mapped from
         a file.
+    progress
+        Told the part of the work that is done, rising to 1.
     """
     pitch_px = np.asarray(pitch_px, np.float64)
     _check(rows, pitch_px, n_components)
     principal = principal_components(rows, mask)
+    progress(0.3)
     shape = (n_components, *rows[0].shape)
     images = np.empty(shape, np.float32) if out is None else out
     if images.shape != shape:
         raise ValueError(f"out has shape {images.shape}, the components {shape}")
     vectors = principal.vectors[:, :n_components]
     combine(vectors.T, rows, images)
+    progress(0.5)
     noise = noise_deviation(images[-1], mask)
     warnings = _insignificant(principal, n_components, noise)
     stride_px = int(np.ceil(np.sqrt(mask.size / _SAMPLED_PIXELS)))
@@ -115,11 +120,14 @@ def decompose_iva(
         smoothing_px, enough = choose_smoothing(images[-1], mask, noise, stride_px)
         warnings += () if enough else (_DROWNED,)
     samples = gradient_samples(images, mask, smoothing_px, stride_px)
+    progress(0.8)
     white_filter = _whiten(samples)
     found = auxiva(samples, n_iterations)
+    progress(0.95)
     means = _means(images, mask)
     unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], means)
     combine(unmixing.matrix, images, images)
+    progress(1.0)
     return Decomposition(
         components=images,
         names=unmixing.names,
