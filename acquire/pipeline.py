@@ -25,8 +25,10 @@ from acquire.methods import (
 )
 from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
 from acquire.profile_use import Profiles
+from acquire.proof import proof_of, proven
 from acquire.result import (
     RECORD,
+    Caution,
     PixelClass,
     Result,
     ResultRecord,
@@ -41,16 +43,23 @@ from acquire.stack import Stack
 from drivers.image import Demosaic
 from processing.patterns import Family
 
-OWN_NUMBER = (
-    "The number of components that was asked for had no effect: ranges decides it by the evidence "
-    "for subsurface scattering. `--method iva` takes a number."
+OWN_NUMBER = Caution(
+    what="The number of components that was asked for had no effect.",
+    meaning="ranges decides it by the evidence for subsurface scattering.",
+    remedy="`--method iva` takes a number.",
 )
 METHODS = ("ranges", "iva")
-INTERPOLATED = (
-    "Two thirds of every frame's values are interpolated (`--demosaic bilinear`): neighbouring "
-    "pixels share their light and their noise. Without it every value is one that was measured."
+INTERPOLATED = Caution(
+    what="Two thirds of every frame's values are interpolated (`--demosaic bilinear`).",
+    meaning="Neighbouring pixels share their light and their noise; standard errors of means over "
+    "pixels are too small.",
+    remedy="Process without it, and every value is one that was measured.",
 )
-NO_MOSAICS = "`--demosaic` had no effect: the frames are pictures, whose pixels are given."
+NO_MOSAICS = Caution(
+    what="`--demosaic` had no effect.",
+    meaning="The frames are pictures, whose pixels are given; nothing else changed.",
+    remedy="Leave it out for such sessions.",
+)
 OWN_NAMES = {
     RECORD,
     "components",
@@ -168,6 +177,7 @@ def process(
                 f"{session.folder}: no pixel can be measured; every one is saturated or unlit in "
                 "some frame. Check the exposure and that the projector lit the scene."
             )
+        separated = replace(separated, pitches=proven(session, separated.pitches))
         separated, noise = correct(folder, separated, options.leak, observer)
         observer.stage("decomposing", _STEPS)
         steps = _Steps(observer)
@@ -176,22 +186,21 @@ def process(
     finally:
         method.close()
         shutil.rmtree(folder / PARKED, ignore_errors=True)
-    pixels = _interpolation(stack, options)
-    warnings = (*cautions(session, separated), *pixels, *remark, *components.warnings)
+    found = (*cautions(session, separated), *_interpolation(stack, options), *remark)
     used: dict[str, JsonValue] = {
         "method": name,
         "demosaic": options.demosaic if stack.has_mosaics else None,
     }
     if profiles.uses:
         used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
-    record = _record(session, separated, components, asdict(options) | used, warnings).model_copy(
+    record = _record(session, separated, components, asdict(options) | used, found).model_copy(
         update={"frame_noise": noise}
     )
     _write(folder, separated, components, record)
     return Result(folder, record)
 
 
-def _method_name(session: Session, options: Options) -> tuple[str, tuple[str, ...]]:
+def _method_name(session: Session, options: Options) -> tuple[str, tuple[Caution, ...]]:
     """The method to use, and a remark when it is not the best one."""
     if options.method not in (None, *METHODS):
         raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
@@ -203,12 +212,17 @@ def _method_name(session: Session, options: Options) -> tuple[str, tuple[str, ..
         given = options.n_components is not None
         return "ranges", (OWN_NUMBER,) if given else ()
     return "iva", (
-        f"Decomposed by independent vector analysis, because the default method cannot be used: "
-        f"{obstacle}.",
+        Caution(
+            what="Decomposed by independent vector analysis, because the default method cannot be "
+            f"used: {obstacle}.",
+            meaning="The components have no standard errors, and nothing keeps them from being "
+            "negative.",
+            remedy="Capture with the shifts of `lumisplit plan --example` for the default method.",
+        ),
     )
 
 
-def _interpolation(stack: Stack, options: Options) -> tuple[str, ...]:
+def _interpolation(stack: Stack, options: Options) -> tuple[Caution, ...]:
     """What a reader must know of pixels that were not measured."""
     if options.demosaic is Demosaic.SUPERPIXEL:
         return ()
@@ -269,9 +283,10 @@ def _record(
     separated: SeparatedPitches,
     components: Components,
     options: dict[str, JsonValue],
-    warnings: tuple[str, ...],
+    found: tuple[Caution, ...],
 ) -> ResultRecord:
     height, width = separated.mask.shape
+    notes = session.record.source.notes if session.record.source else ()
     return ResultRecord(
         method=str(options["method"]),
         options=options | components.used,
@@ -284,7 +299,9 @@ def _record(
         mask=separated.mask_record(),
         noise=components.noise,
         deviations=bool(components.deviations),
-        warnings=warnings,
+        warnings=(*notes, *(caution.text for caution in found), *components.warnings),
+        cautions=found,
+        proof=proof_of(session),
         plan_sha256=session.plan.sha256,
         session=SessionSummary(
             plan_sha256=session.plan.sha256,

@@ -42,6 +42,8 @@ Side = Annotated[int, Field(ge=1, le=65_535)]
 ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
 ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
 
+Sentences = Annotated[str, Field(pattern=r"(?s)^\S.*[.]$")]
+
 
 class PixelClass(IntEnum):
     """Values of mask.tiff."""
@@ -57,7 +59,8 @@ class PitchRecord(StrictModel):
     `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
     white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
     take no part in the decomposition. `corrected` is direct light freed from the bias of noise,
-    `deviation` its standard error; None where the noise is unknown.
+    `deviation` its standard error; None where the noise is unknown. `proven`: how many of
+    its frames were found to show their own pattern; None where they were not judged.
     """
 
     family: Family
@@ -67,11 +70,17 @@ class PitchRecord(StrictModel):
     global_: ImagePath = Field(alias="global", serialization_alias="global")
     corrected: ImagePath | None = None
     deviation: ImagePath | None = None
+    proven: int | None = None
     additivity_error: float | None = None
     direct_peak: float | None = None
     resolved: bool = True
 
     model_config = ConfigDict(populate_by_name=True)
+
+    @property
+    def whole(self) -> bool:
+        """Every frame was found to show its own pattern."""
+        return self.proven == self.shifts
 
 
 class MixingRecord(StrictModel):
@@ -84,6 +93,41 @@ class MixingRecord(StrictModel):
     families: tuple[Family, ...]
     pitch_px: tuple[int | None, ...]
     alpha: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+class Caution(StrictModel):
+    """A warning that tells a person all three: what was found, what it means, what to do."""
+
+    what: Sentences
+    meaning: Sentences
+    remedy: Sentences
+
+    @property
+    def text(self) -> str:
+        """All of it, as one paragraph."""
+        return f"{self.what} {self.meaning} {self.remedy}"
+
+
+class ProofRecord(StrictModel):
+    """What the frames that count were found to show, as `acquire.proof` judged them at capture.
+
+    Parameters
+    ----------
+    judged, wrong, unseen, retaken
+        Numbers of frames; `unseen` were too faint to be told from others.
+    light
+        Lamp and exposure of each judged frame in the order of steps, relative to the first
+        references; null where it could not be had.
+    additivity
+        Pattern and complement against white and black, relative, of each judged frame.
+    """
+
+    judged: int
+    wrong: int
+    unseen: int
+    retaken: int
+    light: tuple[float | None, ...] = ()
+    additivity: tuple[float | None, ...] = ()
 
 
 class FrameNoiseRecord(StrictModel):
@@ -118,7 +162,7 @@ class SessionSummary(StrictModel):
 
 
 class ResultRecord(StrictModel):
-    """result.json."""
+    """result.json; `cautions` are those of the `warnings` that are known in their parts."""
 
     format: Literal[1] = 1
     method: str
@@ -134,6 +178,8 @@ class ResultRecord(StrictModel):
     frame_noise: FrameNoiseRecord | None = None
     deviations: bool = False
     warnings: tuple[str, ...]
+    cautions: tuple[Caution, ...] = ()
+    proof: ProofRecord | None = None
     plan_sha256: Sha256
     session: SessionSummary
     versions: dict[str, str]

@@ -11,6 +11,7 @@ from acquire.proof.prover import Prover
 from acquire.proof.recorded import examine, verdict
 from acquire.proof.records import FrameProof, read_proofs
 from acquire.proof.samples import FrameSamples, sample_frame
+from acquire.proof.summary import proof_of, proven
 from acquire.proof.units import Unit, units_of
 
 __all__ = [
@@ -20,6 +21,8 @@ __all__ = [
     "Prover",
     "Unit",
     "examine",
+    "proof_of",
+    "proven",
     "read_proofs",
     "sample_frame",
     "units_of",

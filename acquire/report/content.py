@@ -31,7 +31,8 @@ from acquire.report.plates import (
     spread_pitches,
     white_plate,
 )
-from acquire.result import Result, ResultRecord
+from acquire.report.run_drawing import run_drawing
+from acquire.result import Caution, Result, ResultRecord
 
 METHODS = {
     "iva": "independent vector analysis",
@@ -44,6 +45,7 @@ class Drawings:
     """The plots; None where the method has nothing to plot."""
 
     frames: Drawing | None
+    run: Drawing | None
     mixing: Drawing | None
     pca: Drawing | None
     convergence: Drawing | None
@@ -57,6 +59,7 @@ class Redo:
     commands: tuple[settings.Command, ...]
     processing: settings.Rows
     capture: settings.Rows
+    profiles: settings.Rows
     patterns: tuple[settings.PatternRow, ...]
     source: settings.Rows
     bench: str
@@ -71,6 +74,7 @@ class Content:
     title: str
     summary: str
     facts: settings.Rows
+    cautions: tuple[Caution, ...]
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
     white: WhitePlate
@@ -97,12 +101,14 @@ def content_of(result: Result) -> Content:
         pitch_plate(result, pitch, white, measured, pitch_label(pitch, families))
         for pitch in spread_pitches(record.pitches)
     )
+    told = {caution.text for caution in record.cautions}
     notes = record.session.source.notes if record.session.source else ()
     return Content(
         title=_title(record),
         summary=_summary(record),
         facts=_facts(record),
-        warnings=tuple(warning for warning in record.warnings if warning not in notes),
+        cautions=record.cautions,
+        warnings=tuple(w for w in record.warnings if w not in notes and w not in told),
         notes=notes,
         white=white,
         components=tuple(
@@ -181,6 +187,7 @@ def _drawings(record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate
     pca, cost = record.pca_shares, record.convergence
     return Drawings(
         frames=frames_drawing(record.pitches),
+        run=None if record.proof is None else run_drawing(record.proof),
         mixing=mixing_drawing(record.mixing, record.components) if finite(alpha) else None,
         pca=pca_drawing(pca, len(record.components), noise_share) if finite(pca) else None,
         convergence=convergence_drawing(cost) if finite(cost) else None,
@@ -206,6 +213,7 @@ def _redo(record: ResultRecord, record_sha256: str) -> Redo:
         commands=settings.commands(record),
         processing=settings.processing_rows(record, record_sha256),
         capture=settings.capture_rows(session),
+        profiles=settings.profile_rows(record),
         patterns=settings.pattern_rows(record),
         source=settings.source_rows(session),
         bench=settings.bench_toml(session.bench),

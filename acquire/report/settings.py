@@ -134,7 +134,8 @@ def _text(value: JsonValue) -> str:
 
 
 def _option_rows(options: Mapping[str, JsonValue]) -> Iterator[tuple[str, str]]:
-    for path, value in _leaves(options, ()):
+    own = {name: value for name, value in options.items() if name != "profiles"}
+    for path, value in _leaves(own, ()):
         yield f"option {'.'.join(path)}", NOT_SET if value is None else _text(value)
 
 
@@ -168,6 +169,14 @@ def capture_rows(session: SessionSummary) -> Rows:
         ("projector.gamma", f"{projector.gamma:g}"),
         ("projector.resolution_px", "any" if resolution is None else str(list(resolution))),
     )
+
+
+def profile_rows(record: ResultRecord) -> Rows:
+    """Kind and digest of every calibration profile that changed the processing."""
+    used = record.options.get("profiles")
+    if not isinstance(used, dict):
+        return ()
+    return tuple((kind, _text(digest)) for kind, digest in used.items())
 
 
 def pattern_rows(record: ResultRecord) -> tuple[PatternRow, ...]:

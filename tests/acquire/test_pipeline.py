@@ -104,8 +104,9 @@ def test_demosaiced_frames_have_a_pixel_for_each_photosite(
     np.testing.assert_array_equal(full.white[1::2, 1::2, 2], measured.white[..., 2])
     assert full.record.options["demosaic"] == "bilinear"
     assert measured.record.options["demosaic"] == "superpixel"
-    assert INTERPOLATED in full.record.warnings
-    assert INTERPOLATED not in measured.record.warnings
+    assert INTERPOLATED in full.record.cautions
+    assert INTERPOLATED.text in full.record.warnings
+    assert INTERPOLATED not in measured.record.cautions
     assert any("--demosaic bilinear" in command.line for command in commands(full.record))
 
 

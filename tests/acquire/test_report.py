@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
+import json
 import re
 import tomllib
 from html.parser import HTMLParser
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Playwright
-from pydantic import JsonValue
+from pydantic import JsonValue, ValidationError
 
 from acquire.remix import SATURATED_RGB
 from acquire.report import write_report
@@ -23,7 +24,7 @@ from acquire.report.page import percent
 from acquire.report.pictures import UNLIT_RGB
 from acquire.report.plates import spread_pitches
 from acquire.report.settings import bench_toml, commands, run_row
-from acquire.result import PixelClass, Result, write_tiff
+from acquire.result import Caution, PixelClass, ProofRecord, Result, write_tiff
 from acquire.session.records import RunRecord, SourceRecord, Transfer
 from acquire.tone import encode
 from processing.patterns import Family
@@ -234,7 +235,7 @@ def test_no_negative_light_no_map_of_it(tmp_path: Path) -> None:
     assert "Where components are negative" not in page_of(write_result(tmp_path / "r")).text
 
 
-def test_warnings_come_before_the_pictures_and_notes_once(tmp_path: Path) -> None:
+def test_warnings_are_counted_before_the_pictures_and_notes_are_no_warnings(tmp_path: Path) -> None:
     source = SourceRecord(
         table="t.csv", table_sha256="1" * 64, transfer=Transfer.SRGB, notes=("8-bit pictures.",)
     )
@@ -242,9 +243,62 @@ def test_warnings_come_before_the_pictures_and_notes_once(tmp_path: Path) -> Non
         tmp_path / "r", source=source, warnings=("8-bit pictures.", "The lamp drifted.")
     )
     text = write_report(result).read_text("utf-8")
-    assert text.index("The lamp drifted.") < text.index("<img")
+    assert text.index('<a href="#warnings">1 warning:') < text.index("<img")
+    assert text.count("The lamp drifted.") == 1
     assert text.count("8-bit pictures.") == 1
-    assert "1 warning" in Page(text).text
+
+
+def test_a_caution_is_shown_in_its_three_parts_and_once(tmp_path: Path) -> None:
+    caution = Caution(what="The lamp drifted.", meaning="Light is off.", remedy="Let it warm up.")
+    result = write_result(tmp_path / "r", warnings=(caution.text, "Old words."))
+    record = result.record.model_copy(update={"cautions": (caution,)})
+    page = page_of(Result(result.folder, record))
+    assert "2 warnings" in page.text
+    assert "The lamp drifted. Means Light is off. Do Let it warm up. Old words." in page.text
+    assert page.text.count("The lamp drifted.") == 1
+
+
+@pytest.mark.parametrize("missing", ["what", "meaning", "remedy"])
+@pytest.mark.parametrize("text", ["", "no end", " A blank before."])
+def test_a_caution_without_one_of_its_parts_cannot_be(missing: str, text: str) -> None:
+    parts = {"what": "A.", "meaning": "B.", "remedy": "C."}
+    assert Caution(**parts).text == "A. B. C."
+    with pytest.raises(ValidationError):
+        Caution(**(parts | {missing: text}))
+
+
+def test_results_from_before_cautions_and_proof_can_be_read(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r", warnings=("The lamp drifted.",))
+    fields = json.loads((result.folder / "result.json").read_text())
+    for name in ("cautions", "proof"):
+        del fields[name]
+    for pitch in fields["pitches"]:
+        del pitch["proven"]
+    (result.folder / "result.json").write_text(json.dumps(fields))
+    assert "The lamp drifted." in page_of(Result.open(result.folder)).text
+
+
+def test_proof_is_counted_and_drawn(tmp_path: Path) -> None:
+    result = write_result(tmp_path / "r")
+    pitches = tuple(
+        pitch.model_copy(update={"proven": 36 - k}) for k, pitch in enumerate(result.record.pitches)
+    )
+    proof = ProofRecord(
+        judged=110, wrong=1, unseen=2, retaken=5, light=(1.0, 1.01, None), additivity=(None, -0.02)
+    )
+    record = result.record.model_copy(update={"proof": proof, "pitches": pitches})
+    page = page_of(Result(result.folder, record))
+    assert "107 show their own pattern, 1 do not, 2 are too faint to be told; 5 were" in page.text
+    assert "105 of 108; not all at 16 px (35 of 36), 32 px (34 of 36)." in page.text
+    (alt,) = (alt for alt in page.images if alt.startswith("Light of 2 frames"))
+    assert "+0.00 % to +1.00 %" in alt
+    assert "white by -2.00 % to -2.00 %" in alt
+
+
+def test_profiles_are_named_with_their_digests(tmp_path: Path) -> None:
+    options: dict[str, JsonValue] = {"profiles": {"noise": "ab" * 32}}
+    page = page_of(write_result(tmp_path / "r", options=options))
+    assert f"Calibration profiles, by digest noise {'ab' * 32}" in page.text
 
 
 def test_a_page_without_warnings_says_so(tmp_path: Path) -> None:

@@ -1,0 +1,49 @@
+"""What was found at capture about the frames that count, for the result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from acquire.proof.records import FrameProof, read_proofs
+from acquire.result import PitchRecord, ProofRecord
+from acquire.session import Session
+from processing.showing import Finding
+
+
+def proof_of(session: Session) -> ProofRecord | None:
+    """The findings in numbers; None where the frames were not judged."""
+    proofs = _that_count(session)
+    if not proofs:
+        return None
+    return ProofRecord(
+        judged=len(proofs),
+        wrong=sum(proof.is_wrong for proof in proofs.values()),
+        unseen=sum(proof.finding is Finding.UNSEEN for proof in proofs.values()),
+        retaken=len(session.lines) - len(session.frames),
+        light=tuple(proof.light for proof in proofs.values()),
+        additivity=tuple(proof.additivity for proof in proofs.values()),
+    )
+
+
+def proven(session: Session, pitches: Sequence[PitchRecord]) -> tuple[PitchRecord, ...]:
+    """The pitches, each with the number of its frames that show their own pattern."""
+    proofs = _that_count(session)
+    if not proofs:
+        return tuple(pitches)
+    counts: dict[tuple[str, int], int] = {}
+    for frame in session.frames:
+        proof = proofs.get(frame.step)
+        if proof is not None and proof.finding is Finding.OWN:
+            key = frame.pattern.family, frame.pattern.pitch_px
+            counts[key] = counts.get(key, 0) + 1
+    return tuple(
+        pitch.model_copy(update={"proven": counts.get((pitch.family, pitch.pitch_px), 0)})
+        for pitch in pitches
+    )
+
+
+def _that_count(session: Session) -> dict[int, FrameProof]:
+    """The proof of each step's frame that counts, in the order of the steps."""
+    proofs = read_proofs(session.folder)
+    found = {frame.step: proofs.get((frame.step, frame.attempt)) for frame in session.frames}
+    return {step: proof for step, proof in found.items() if proof is not None}
