@@ -15,6 +15,7 @@ from drivers.clock import SystemClock
 from drivers.errors import ProjectorError
 from drivers.window import WindowProjector
 from drivers.xserver import XServer, linear, list_monitors
+from tests.processes import PATIENCE_S
 from tests.screens.desk import Desk, displayed, x_client
 
 PROGRAM = """
@@ -58,7 +59,7 @@ def test_black_and_tidy_however_the_program_ends(
         if number is not None:
             assert (desk.projector_screen(desk.photograph()) == 255).all()
             program.send_signal(number)
-        program.wait(5)
+        program.wait(PATIENCE_S)
     deadline_s = time.monotonic() + 1
     while desk.photograph().any() or server.gamma_ramp("DUMMY1") != tinted:
         assert time.monotonic() < deadline_s
