@@ -202,6 +202,11 @@ class Ranges:
             )
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` may take this session.") from error
+        except SystemError as error:
+            # Ctrl-C while compiled code runs comes out wrapped.
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise KeyboardInterrupt from error
+            raise
         designs = self._stack.designs
         noise = np.nanmean(found.noise) if np.isfinite(found.noise).any() else None
         return Components(
