@@ -133,7 +133,7 @@ class ProofRecord(StrictModel):
 class FrameNoiseRecord(StrictModel):
     """Variance of a frame's noise in each colour: in the dark, and its rise with light.
 
-    In fractions of full scale; `processing.moments.FrameNoise`.
+    In fractions of full scale; `processing.frame_noise.FrameNoise`.
     """
 
     constant: tuple[float, ...]
