@@ -48,6 +48,7 @@ class ProgressDisplay:
         )
         self._task: TaskID | None = None
         self._name, self._total, self._done = "", 0, 0
+        self._first: tuple[int, float] | None = None
         self._began_s = self._spoke_s = self._unit_s = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -66,6 +67,7 @@ class ProgressDisplay:
         """A stage of `total` units begins, of which `done` are done already."""
         self._name, self._total, self._done = name, total, done
         self._began_s = self._unit_s = time.monotonic()
+        self._first = None
         self._task = self._bar.add_task(name, total=total, completed=done)
         self._line(f"{name}: {total - done} to do")
 
@@ -79,8 +81,17 @@ class ProgressDisplay:
         if self._done == self._total:
             self._line(f"{self._name}: done in {now - self._began_s:.1f} s")
         elif now - self._spoke_s > LINE_EVERY_S:
-            left_s = (now - self._began_s) / self._done * (self._total - self._done)
-            self._line(f"{self._name}: {self._done} of {self._total}, about {left_s:.0f} s left")
+            self._line(f"{self._name}: {self._done} of {self._total}{self._left(now)}")
+        if self._first is None:
+            self._first = self._done, now
+
+    def _left(self, now_s: float) -> str:
+        """Time left at the pace since the first unit, which may have had to compile loops."""
+        if self._first is None:
+            return ""
+        units, since_s = self._first
+        left_s = (now_s - since_s) / (self._done - units) * (self._total - self._done)
+        return f", about {left_s:.0f} s left"
 
     def frame_kept(self, step: Step, total: int) -> None:  # noqa: ARG002 - see sequencer.Observer
         """A frame of a capture is on the disk."""
