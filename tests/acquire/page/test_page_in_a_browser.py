@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -53,24 +52,6 @@ COMMANDS = "document.getElementById('standing').textContent.startsWith('you comm
 NOTHING_TO_PRESS = """[...document.querySelectorAll("aside button, aside select")]
   .every(control => control.disabled || control.offsetParent === null)"""
 ARGUMENTS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-
-
-@pytest.fixture(scope="module")
-def chromium() -> str:
-    names = ("chromium", "chromium-browser", "google-chrome")
-    found = next(filter(None, map(shutil.which, names)), None)
-    if found is None and os.environ.get("CI") == "true":
-        pytest.fail(f"CI must have a browser: none of {', '.join(names)} is on the path")
-    if found is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
-    return found
-
-
-@pytest.fixture(scope="module")
-def playwright() -> Iterator[Playwright]:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with sync_api.sync_playwright() as running:
-        yield running
 
 
 @dataclass
