@@ -23,6 +23,7 @@ from acquire.session.folder import read_plain, write_durably
 from acquire.session.records import Sha256
 from acquire.validation import StrictModel, explain
 
+COLOURS = ("red", "green", "blue")
 MAX_PROFILE_BYTES = 16 << 20
 MAX_MAPS_BYTES = 4 << 30
 Numbers = tuple[float | None, ...]

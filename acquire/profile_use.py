@@ -17,13 +17,12 @@ from pydantic import JsonValue
 from acquire.errors import ProfileError
 from acquire.plan import CameraPlan, Plan, ProfileUse, ProjectorPlan
 from acquire.plan_file import PlanFile, check_measurable, read_plan_file
-from acquire.profile_file import Profile, check_applies, read_maps, read_profile
+from acquire.profile_file import COLOURS, Profile, check_applies, read_maps, read_profile
 from acquire.session import Session
 from acquire.session.folder import storage, write_durably
 from processing.blur import Blur
 
 KEPT = "profiles"
-COLOURS = ("red", "green", "blue")
 # Kinds that change how a session is processed.
 PROCESSED = ("dark", "noise", "leak", "board")
 

@@ -13,13 +13,12 @@ from acquire.calibrating.light import References, Viewer
 from acquire.calibrating.plots import curves_plot, points_plot
 from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
-from acquire.profile_file import Curve, Quantity, numbers
+from acquire.plan_file import BLACK, WHITE
+from acquire.profile_file import COLOURS, Curve, Quantity, numbers
 from acquire.session import Session
 from calibration.contrast import USABLE, CheckerContrast, Contrast, fit_contrast
 from processing.patterns import Family, Pattern
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
-COLOURS = ("red", "green", "blue")
 PITCHES_PX = (4, 8, 12, 16, 24, 32, 48)
 DOWN, RIGHT = 8, 4
 BLOCKS = 4

@@ -13,13 +13,13 @@ from acquire.calibrating.light import Viewer
 from acquire.calibrating.plots import points_plot
 from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
-from acquire.profile_file import Quantity, numbers
+from acquire.plan_file import BLACK, WHITE
+from acquire.profile_file import COLOURS, Quantity, numbers
 from acquire.session import Session
 from calibration.errors import UnsupportedError
 from calibration.exposure import BRIGHT_PERCENTILE, Exposure, advise, signal_rate
 from processing.patterns import Family, Pattern
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
 Array = NDArray[np.float64]
 MAX_TRIALS = 6
 TRIAL_FRAMES = 4
@@ -27,7 +27,6 @@ REPEATS = 8
 SATURATED_FRACTION = 1e-3
 LONGER, SHORTER = 8.0, 0.2
 WARNED_FLICKER = 0.005
-COLOURS = ("red", "green", "blue")
 
 
 @dataclass(frozen=True, slots=True)

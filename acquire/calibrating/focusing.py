@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from acquire.calibrating.finding import Setting
 from acquire.calibrating.light import LIT_FRACTION
 from acquire.plan import Plan
+from acquire.plan_file import BLACK, WHITE
 from acquire.rig import Bench, Resumption
 from calibration.focus import focus_figure
 from drivers.image import LinearImage
@@ -22,7 +23,6 @@ from drivers.protocols import Devices
 from drivers.raw import decode_raw
 from processing.patterns import Family, Pattern
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
 CHART = Pattern(Family.FOCUS, 4)
 GREEN = 1
 BRIGHT_PERCENTILE = 99.5

@@ -13,6 +13,7 @@ from acquire.calibrating.light import Viewer, lit_pixels
 from acquire.calibrating.plots import histogram_plot, map_plot, scatter_plot
 from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
+from acquire.plan_file import BLACK, WHITE
 from acquire.profile_file import Quantity, numbers
 from acquire.session import Session
 from calibration.errors import UnsupportedError
@@ -21,7 +22,6 @@ from calibration.poses import Chessboard, DevicePair, Lens, find_pose, fit_poses
 from calibration.stripes import GrayCode, Phase, Sinusoids
 from processing.patterns import Family, Pattern, gray_code, shift_grid
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
 PITCH_PX, STEPS, FINEST = 8, 8, 2
 # Green's two photosites surround the middle of a quad; red and blue lie beside it.
 GREEN = 1

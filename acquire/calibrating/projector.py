@@ -13,14 +13,13 @@ from acquire.calibrating.light import References, Viewer
 from acquire.calibrating.plots import curves_plot, histogram_plot, points_plot
 from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
-from acquire.profile_file import Curve, Quantity, numbers
+from acquire.plan_file import BLACK, WHITE
+from acquire.profile_file import COLOURS, Curve, Quantity, numbers
 from acquire.session import Session
 from calibration.projector import leak_map, measure_leak, white_excess
 from calibration.response import LEVELS, Response, fit_response
 from processing.patterns import Family, Pattern
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
-COLOURS = ("red", "green", "blue")
 _TWICE = (WHITE, WHITE, BLACK, BLACK)
 WARNED_LEAK_SPREAD = 0.02
 WARNED_ADDITIVITY = 0.02
@@ -42,7 +41,7 @@ class LeakCalibration:
         return Plan(
             camera=setting.camera,
             projector=setting.projector,
-            patterns=(WHITE, WHITE, BLACK, BLACK) * self.repeats,
+            patterns=_TWICE * self.repeats,
         )
 
     def fit(self, sessions: Sequence[Session], frame_done: Callable[[], None]) -> Finding:

@@ -13,7 +13,8 @@ from acquire.calibrating.light import Viewer
 from acquire.calibrating.plots import histogram_plot, noise_plot, points_plot
 from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
-from acquire.profile_file import Curve, Quantity, numbers
+from acquire.plan_file import BLACK, WHITE
+from acquire.profile_file import COLOURS, Curve, Quantity, numbers
 from acquire.session import Session, Transfer
 from calibration.dark import DarkFrames
 from calibration.photon_transfer import (
@@ -24,9 +25,8 @@ from calibration.photon_transfer import (
     fit_noise_line,
 )
 from drivers.raw import counts_in_range
-from processing.patterns import Family, Pattern
+from processing.patterns import Family
 
-WHITE, BLACK = Pattern(Family.WHITE), Pattern(Family.BLACK)
 RANGE = "fraction of the sensor's range"
 SQUARED = RANGE + ", squared"
 # A decoded green value is the mean of two photosites.
@@ -112,7 +112,6 @@ class DarkCalibration:
         )
 
 
-COLOURS = ("red", "green", "blue")
 STOPS = (0.125, 0.25, 0.5, 1.0, 2.0)
 
 
