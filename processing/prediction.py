@@ -131,6 +131,36 @@ def predict(
     )
 
 
+def weights_for(
+    frame: int, covariance: Array, others: NDArray[np.bool_], nugget: float
+) -> tuple[Array, float]:
+    """How the deviation of one frame follows from those of others.
+
+    Parameters
+    ----------
+    frame
+        Which is predicted.
+    covariance
+        (frames, frames), R of what the frames should show.
+    others
+        bool, (frames,), from which it is predicted; without `frame` itself.
+    nugget
+        τ: variance of the noise in parts of the contrast, > 0.
+
+    Returns
+    -------
+    (frames,), 0 where a frame is not used; and the part of the contrast of the frame that its
+    prediction holds, in [0, 1].
+    """
+    weights = np.zeros(len(covariance))
+    if others.any():
+        among = covariance[np.ix_(others, others)] + nugget * np.eye(int(others.sum()))
+        weights[others] = np.linalg.solve(among, covariance[others, frame])
+    own = float(covariance[frame, frame])
+    left = own - 2 * float(weights @ covariance[frame]) + float(weights @ covariance @ weights)
+    return weights, float(np.clip(1 - left / own, 0, 1))
+
+
 def pair_noise(frames: Samples, covariance: Array) -> float | None:
     """Variance of a sample's noise from the sums of complementary pairs; None below three pairs.
 
@@ -175,16 +205,12 @@ def _contrast(
 def _weights(covariance: Array, trusted: NDArray[np.bool_], nugget: float) -> tuple[Array, Array]:
     n_frames = len(covariance)
     weights = np.zeros((n_frames, n_frames))
+    explained = np.zeros(n_frames)
     for k in range(n_frames):
         others = trusted.copy()
         others[k] = False
-        if others.any():
-            among = covariance[np.ix_(others, others)] + nugget * np.eye(int(others.sum()))
-            weights[k, others] = np.linalg.solve(among, covariance[others, k])
-    own = np.diag(covariance)
-    left = own - 2 * np.sum(weights * covariance, axis=1)
-    left += np.einsum("ki,ij,kj->k", weights, covariance, weights)
-    return weights, np.clip(1 - left / own, 0, 1)
+        weights[k], explained[k] = weights_for(k, covariance, others, nugget)
+    return weights, explained
 
 
 def _gains(values: Array, mean: Array, weights: Array, trusted: NDArray[np.bool_]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
@@ -14,7 +14,8 @@ import typer
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
 from acquire.plan import Plan
-from acquire.plan_file import check_fits, read_plan
+from acquire.plan_file import check_fits
+from acquire.profile_use import check_profiles, plan_with_profiles
 from acquire.rig import Bench, find_bench
 
 if TYPE_CHECKING:
@@ -55,12 +56,14 @@ def bench_command(
 ) -> None:
     """Aim, focus and capture from a page in the browser, until Ctrl-C."""
     from acquire.page.bench import Job, PagedBench
+    from acquire.recording import described
 
     bench = find_bench(bench_name, monitor)
-    plan = None if plan_path is None else read_plan(plan_path)
+    plan, profiles = (None, {}) if plan_path is None else plan_with_profiles(plan_path)
     if plan is not None:
         check_fits(plan, bench.resolution, bench.name)
-    setting = setting_of(bench, plan, out, can_aim=True)
+        check_profiles(profiles, described(bench), plan.camera)
+    setting = setting_of(bench, plan, out, profiles, can_aim=True)
     with (
         stop_on_signals() as stop,
         ProgressDisplay(quiet=quiet, verbose=verbose) as progress,
@@ -71,8 +74,15 @@ def bench_command(
         paged_bench.run()
 
 
-def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bool) -> Setting:
-    """What the page is told once."""
+def setting_of(
+    bench: Bench,
+    plan: Plan | None,
+    out: Path | None,
+    profiles: Mapping[str, Path],
+    *,
+    can_aim: bool,
+) -> Setting:
+    """What the page is told once; `profiles` are the files of those that the plan names."""
     from acquire.page.state import Setting
 
     return Setting(
@@ -84,6 +94,7 @@ def setting_of(bench: Bench, plan: Plan | None, out: Path | None, *, can_aim: bo
         can_aim=can_aim,
         can_start=can_aim and plan is not None and out is not None,
         version=metadata.version("lumisplit"),
+        geometry=str(profiles["geometry"].absolute()) if "geometry" in profiles else None,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -104,7 +105,14 @@ def capture_command(
     progress = ProgressDisplay(quiet=quiet, verbose=verbose)
     try:
         run_capture(
-            plan, bench, out, progress, keep_unproven=keep_unproven, port=where, as_json=as_json
+            plan,
+            bench,
+            out,
+            progress,
+            keep_unproven=keep_unproven,
+            port=where,
+            profiles=profiles,
+            as_json=as_json,
         )
     finally:
         if Session.exists(out):
@@ -227,9 +235,12 @@ def run_capture(
     *,
     keep_unproven: bool = False,
     port: int | None = None,
+    profiles: Mapping[str, Path] | None = None,
     as_json: bool = False,
 ) -> Session:
     """Capture with progress, and with a page on `port` unless None; says how it went.
+
+    The page uses of the `profiles` that the plan names, their files by kind, what it needs.
 
     Exits with status 130 when it was asked to stop.
     """
@@ -242,7 +253,7 @@ def run_capture(
         if port is None:
             session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
         else:
-            setting = setting_of(bench, plan, out, can_aim=False)
+            setting = setting_of(bench, plan, out, profiles or {}, can_aim=False)
             counts = done, len(plan)
             with capture_page(setting, port, progress, stop, counts, aside=as_json) as page:
                 session, outcome = record(

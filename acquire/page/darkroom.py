@@ -18,6 +18,7 @@ from drivers.raw import decode_raw
 SCREEN_PX = 1280
 EXACT_PX = 512  # up to this side pictures are sent without loss
 FOCUS_PX = 768
+DARK = 1e-3  # mean light, fraction of the range, below which noise alone would seem sharp
 BINS = 128
 JPEG_QUALITY = 92
 # As in the masks of results: of the 99.5th percentile of the pixels' brightness.
@@ -110,7 +111,7 @@ def printed(picture: Negative, wanted: Box | None) -> Print:
     factor = max(1.0, max(width, height) / SCREEN_PX)
     size = max(round(width / factor), 1), max(round(height / factor), 1)
     small = part if factor == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    encoded = _srgb_codes()[(np.clip(small, 0, 1) * 65535 + 0.5).astype(np.uint16)]
+    encoded = srgb_codes()[(np.clip(small, 0, 1) * 65535 + 0.5).astype(np.uint16)]
     media_type, file = _file(encoded)
     focus_box = _centre(box)
     return Print(
@@ -118,7 +119,7 @@ def printed(picture: Negative, wanted: Box | None) -> Print:
         factor,
         file,
         media_type,
-        _png(_spread(marks, size)),
+        png(_spread(marks, size)),
         _histogram(part),
         float(np.mean(marks == CLIPPED)),
         float(np.mean(marks == UNLIT)),
@@ -134,7 +135,7 @@ def printed_raster(raster: NDArray[np.uint8]) -> bytes:
     if factor > 1:
         size = round(raster.shape[1] / factor), round(raster.shape[0] / factor)
         raster = np.asarray(cv2.resize(raster, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return _png(raster)
+    return png(raster)
 
 
 def _inside(wanted: Box | None, size_px: tuple[int, int]) -> Box:
@@ -157,6 +158,8 @@ def _focus(picture: Negative, box: Box) -> float | None:
         return None
     green = picture.values[top : top + height, left : left + width, 1]
     usable = picture.marks[top : top + height, left : left + width] != CLIPPED
+    if not green.mean(dtype=np.float64) > DARK:
+        return None
     figure = focus_figure(green, usable)
     return figure if np.isfinite(figure) else None
 
@@ -182,7 +185,7 @@ def _histogram(part: NDArray[np.float32]) -> tuple[tuple[int, ...], ...]:
 
 
 @cache
-def _srgb_codes() -> NDArray[np.uint8]:
+def srgb_codes() -> NDArray[np.uint8]:
     """8-bit sRGB (IEC 61966-2-1) of 65536 steps of linear light."""
     linear = np.arange(65536) / 65535
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
@@ -193,11 +196,12 @@ def _srgb_codes() -> NDArray[np.uint8]:
 def _file(rgb: NDArray[np.uint8]) -> tuple[str, bytes]:
     bgr = np.ascontiguousarray(rgb[..., ::-1])
     if max(rgb.shape[:2]) <= EXACT_PX:
-        return "image/png", _png(bgr)
+        return "image/png", png(bgr)
     _, file = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return "image/jpeg", file.tobytes()
 
 
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    _, file = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG of grey pixels, or of colours with blue first."""
+    _, file = cv2.imencode(".png", np.ascontiguousarray(pixels), [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return file.tobytes()

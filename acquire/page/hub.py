@@ -18,9 +18,10 @@ from acquire.errors import LumisplitError
 from acquire.page.chart import shown_raster
 from acquire.page.commands import BENCH_COMMAND, BenchCommand
 from acquire.page.commands import Helm as HelmCommand
+from acquire.page.comparison import SPAN
 from acquire.page.darkroom import Box, Negative, Print, negative, printed, printed_raster
 from acquire.page.helm import Helm
-from acquire.page.session_tail import SessionTail
+from acquire.page.session_view import LastFrame, SessionView
 from acquire.page.state import SNAPSHOT, Activity, Setting, Snapshot
 from acquire.page.viewer import Viewer, packed, packed_print
 from drivers.errors import DriverError
@@ -47,12 +48,13 @@ class Hub:
         self.viewers: dict[int, Viewer] = {}
         self.ended = False
         self._command, self._helm, self._count = command, Helm(), 0
-        self._tail = SessionTail(Path(setting.session)) if setting.session else None
+        self._session = SessionView(Path(setting.session), setting) if setting.session else None
         self._darkroom = ThreadPoolExecutor(1, thread_name_prefix="darkroom")
         self._arrived: Message | None = None
         self._work = asyncio.Event()
         self._picture: tuple[int, Negative, dict[str, Any]] | None = None
         self._prints: dict[Box | None, Print] = {}
+        self._comparison: tuple[int, bytes] | None = None
         self._developed_steps = 0
         self._trouble = ""
         self._free_bytes: int | None = None
@@ -156,6 +158,16 @@ class Hub:
         width, height = picture.size_px
         return packed_print({"kind": "picture", "size": [width, height], **head}, shown)
 
+    def comparison_for(self, viewer: Viewer) -> bytes | None:
+        """What the frame that this viewer sees should show; None when it has it."""
+        if self._comparison is None or viewer.picture is None:
+            return None
+        number, message = self._comparison
+        if viewer.picture[0] != number or viewer.compared == number:
+            return None
+        viewer.compared = number
+        return message
+
     async def projector_for(self, viewer: Viewer) -> bytes | None:
         """What the projector shows, or what the last frame should; None when it has it."""
         what = viewer.pattern
@@ -219,30 +231,28 @@ class Hub:
                 self._hang(picture, None)
                 return LIVE_EVERY_S
             done = 0 if progress is None else progress.done
-            if self._tail is not None and done and done != self._developed_steps:
+            if self._session is not None and done and done != self._developed_steps:
                 self._developed_steps = done
-                developed = await loop.run_in_executor(self._darkroom, _last_frame, self._tail)
-                self._hang(*developed)
+                frame = await loop.run_in_executor(self._darkroom, self._session.last)
+                self._hang(frame.picture, frame)
         except (LumisplitError, DriverError) as error:
             self._trouble = str(error)
         return FRAME_EVERY_S
 
-    def _hang(self, picture: Negative, frame: dict[str, Any] | None) -> None:
+    def _hang(self, picture: Negative, frame: LastFrame | None) -> None:
         """The newest picture: of a frame of the session, or only looked at."""
         number = 1 if self._picture is None else self._picture[0] + 1
-        self._picture = number, picture, {"number": number, "frame": frame}
+        head = {"number": number, "frame": None if frame is None else frame.about}
+        self._picture = number, picture, head
+        self._comparison = None if frame is None else (number, _packed(number, frame))
         self._prints.clear()
         self._trouble = ""
 
 
-def _last_frame(tail: SessionTail) -> tuple[Negative, dict[str, Any]]:
-    record = tail.last()
-    if record is None:
-        raise LumisplitError("The session has no frame yet.")
-    picture = tail.picture(record)
-    about = record.model_dump(mode="json", exclude={"file"})
-    seen = {"light": asdict(tail.light(record, picture)), "proofs": asdict(tail.proofs())}
-    return picture, about | seen
+def _packed(number: int, frame: LastFrame) -> bytes:
+    about = asdict(frame.comparison)
+    files = about.pop("prediction"), about.pop("difference")
+    return packed({"kind": "comparison", "number": number, "span": SPAN, **about}, *files)
 
 
 def _drawn(what: str, projector_px: tuple[int, int], gamma: float) -> bytes:

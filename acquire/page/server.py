@@ -1,4 +1,4 @@
-"""The page over HTTP: four files from memory and one socket."""
+"""The page over HTTP: some files from memory and one socket."""
 
 from __future__ import annotations
 
@@ -27,7 +27,15 @@ MAX_VIEWERS = 16
 MAX_MISTAKES = 10
 POLICY_VIOLATION, TRY_AGAIN_LATER = 1008, 1013
 TYPES: Final = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
-FILES: Final = ("page.css", "page.js", "picture.js", "panels.js", "line.js", "icon.svg")
+FILES: Final = (
+    "page.css",
+    "page.js",
+    "picture.js",
+    "beside.js",
+    "panels.js",
+    "line.js",
+    "icon.svg",
+)
 
 
 def application(hub: Hub) -> Starlette:
@@ -107,6 +115,8 @@ async def _keep_telling(hub: Hub, viewer: Viewer, websocket: WebSocket) -> None:
         if viewer.ready and (picture := await hub.picture_for(viewer)) is not None:
             viewer.ready = False
             await websocket.send_bytes(picture)
+        if (comparison := hub.comparison_for(viewer)) is not None:
+            await websocket.send_bytes(comparison)
         if (raster := await hub.projector_for(viewer)) is not None:
             await websocket.send_bytes(raster)
         if hub.ended:

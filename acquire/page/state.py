@@ -135,6 +135,8 @@ class Setting:
         Whether the page may show patterns and live view, and start the plan.
     version
         Of lumisplit.
+    geometry
+        Absolute path of the geometry profile that the plan names; never for the browser either.
     """
 
     bench: str
@@ -145,6 +147,7 @@ class Setting:
     can_aim: bool
     can_start: bool
     version: str
+    geometry: str | None = None
 
 
 SNAPSHOT: Final = TypeAdapter(Snapshot)

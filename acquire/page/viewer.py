@@ -25,7 +25,7 @@ class Viewer:
         The part of the picture that it wants pixel for pixel; None for all.
     ready
         Whether it has shown its last picture.
-    state, picture, projector
+    state, picture, compared, projector
         Keys of what it was sent last.
     pattern
         What its last picture should show; empty for one that was only looked at.
@@ -36,6 +36,7 @@ class Viewer:
     ready: bool = True
     state: str = ""
     picture: tuple[int, Box | None] | None = None
+    compared: int = 0
     projector: str = ""
     pattern: str = ""
     news: asyncio.Event = field(default_factory=asyncio.Event)

@@ -1,6 +1,7 @@
 // Joins the line, the pictures, the panels and the keys.
 
 import { Line } from "./line.js";
+import { Beside } from "./beside.js";
 import { PictureView, drawHistogram, drawSharpness, sized } from "./picture.js";
 import { press, put, showFrame, showState } from "./panels.js";
 
@@ -14,6 +15,7 @@ let waitingPicture = null;
 
 const line = new Line(hear);
 const view = new PictureView(element("camera"), (box) => line.ask({ do: "region", box }));
+const beside = new Beside(view, element("comparison"));
 
 async function hear(message) {
   if (message.kind === "state") {
@@ -25,6 +27,8 @@ async function hear(message) {
     // Without "ready" nothing more comes: a page that is black costs nothing.
     if (dark) waitingPicture = message;
     else await showPicture(message);
+  } else if (message.kind === "comparison") {
+    await beside.show(message);
   } else if (message.kind === "projector") {
     await showRaster(message);
   } else if (message.kind === "refused") {
@@ -38,6 +42,7 @@ async function hear(message) {
 
 async function showPicture(head) {
   await view.show(head);
+  if (!head.frame) beside.hide();
   drawHistogram(element("histogram"), head.histogram);
   put("clipped-share", percent(head.clipped));
   put("unlit-share", percent(head.unlit));

@@ -14,6 +14,7 @@ export class PictureView {
     this.scale = null; // screen pixels for a pixel of the picture; null: fitted
     this.centre = [0, 0];
     this.pointer = null;
+    this.drawn = () => {};
     new ResizeObserver(() => this.resize()).observe(canvas);
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.grab(event));
@@ -101,6 +102,7 @@ export class PictureView {
       context.strokeRect(left + a * scale, top + b * scale, c * scale, d * scale);
     }
     Object.assign(canvas.dataset, { left, top, scale, number: head.number, step: head.frame?.step ?? "" });
+    this.drawn();
   }
 
   changed() {

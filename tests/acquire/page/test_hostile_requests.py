@@ -13,7 +13,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from acquire.page.commands import MAX_COMMAND_BYTES
-from acquire.page.server import MAX_VIEWERS
+from acquire.page.server import FILES, MAX_VIEWERS
 from tests.acquire.page.pages import PATIENCE_S, Client, Served, served
 
 EVIL = "http://evil.example"
@@ -59,7 +59,7 @@ def test_the_page_itself_is_served_and_sealed(page: Served) -> None:
     assert answer.headers["cache-control"] == "no-store"
     assert "access-control-allow-origin" not in answer.headers
     assert page.token not in body
-    for name in ("page.js", "picture.js", "panels.js", "line.js", "page.css", "icon.svg"):
+    for name in FILES:
         assert status(page, f"/{page.token}/{name}") == 200
 
 
