@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.decomposition import Captured
 from benchmarks.rendered_captures import CONDITIONS, captures
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
-from processing.metrics import oracle, relative_error, single_pitch_errors
+from processing.metrics import errors_of, oracle, relative_error
 from processing.range_decomposition import RangeDecomposition
 from processing.ranges import decompose_ranges
 
@@ -35,17 +35,17 @@ def row(label: str, run: Captured, found: RangeDecomposition) -> list[str]:
     """One scene's cells."""
     rest = run.truth["subsurface"] + run.truth["interreflection"]
     direct = run.truth["direct"]
-    singles = single_pitch_errors(np.stack(run.rows), run.white, direct, rest, run.mask)
-    best = oracle(singles)
+    best = oracle(errors_of(run.rows, direct, run.mask))
+    # With the complement, what is not direct is off by as much as direct light is.
+    best_rest = relative_error(run.white - run.rows[best.index], rest, run.mask)
     parts = dict(zip(found.names, found.components, strict=True))
     none = np.zeros_like(found.white)
     scattered = parts.get("subsurface", none)
     share = scattered[run.mask].sum() / found.white[run.mask].sum()
     cells = [
         label,
-        f"{relative_error(parts['direct'], direct, run.mask):.4f} ({best.direct_light:.4f})",
-        f"{relative_error(found.white - parts['direct'], rest, run.mask):.4f} "
-        f"({best.global_light:.4f})",
+        f"{relative_error(parts['direct'], direct, run.mask):.4f} ({best.error:.4f})",
+        f"{relative_error(found.white - parts['direct'], rest, run.mask):.4f} ({best_rest:.4f})",
         f"{relative_error(parts['interreflection'], run.truth['interreflection'], run.mask):.4f}",
     ]
     if run.truth["subsurface"][run.mask].any():
