@@ -87,12 +87,16 @@ class MixingRecord(StrictModel):
     """α: how much of each component the direct image at each row holds.
 
     `alpha[colour][row][component]`; the rows are `families[row]` at `pitch_px[row]`, the last
-    row is white light, whose pitch is infinite and written as null.
+    row is white light, whose pitch is infinite and written as null. `half_width`, in the same
+    order, is half of the 95 % confidence interval that `interval` describes; null where it could
+    not be had.
     """
 
     families: tuple[Family, ...]
     pitch_px: tuple[int | None, ...]
     alpha: tuple[tuple[tuple[float, ...], ...], ...]
+    half_width: tuple[tuple[tuple[float | None, ...], ...], ...] | None = None
+    interval: str = ""
 
 
 class Caution(StrictModel):

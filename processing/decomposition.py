@@ -20,6 +20,7 @@ from processing.noise import noise_deviation
 from processing.pca import PrincipalComponents, Rows, combine, line_blocks, principal_components
 from processing.smoothing import choose_smoothing
 from processing.unmixing import resolve
+from processing.unmixing_confidence import alpha_half_width
 from processing.whitening import whitening
 
 # Enough gradients to estimate a few numbers; more pixels are sampled on a coarser lattice.
@@ -42,6 +43,9 @@ class Decomposition:
         (m,), as given; the last, white, is infinite.
     mixing
         float64, (colours, m, n), α against pitch.
+    mixing_half_width
+        float64, the same shape: half of its 95 % confidence interval, see
+        `processing.unmixing_confidence`.
     shares
         float64, (m,), of the principal components of D.
     cost
@@ -59,6 +63,7 @@ class Decomposition:
     names: tuple[str, ...]
     pitch_px: NDArray[np.float64]
     mixing: NDArray[np.float64]
+    mixing_half_width: NDArray[np.float64]
     shares: NDArray[np.float64]
     cost: NDArray[np.float64]
     smoothing_px: float
@@ -123,9 +128,11 @@ def decompose_iva(
     progress(0.8)
     white_filter = _whiten(samples)
     found = auxiva(samples, n_iterations)
-    progress(0.95)
+    progress(0.9)
     means = _means(images, mask)
     unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], means)
+    half_width = alpha_half_width(samples, white_filter, vectors, unmixing.order, n_iterations)
+    progress(0.95)
     combine(unmixing.matrix, images, images)
     progress(1.0)
     return Decomposition(
@@ -133,6 +140,7 @@ def decompose_iva(
         names=unmixing.names,
         pitch_px=pitch_px,
         mixing=unmixing.mixing,
+        mixing_half_width=half_width,
         shares=principal.shares,
         cost=found.cost,
         smoothing_px=smoothing_px,

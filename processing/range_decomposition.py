@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from processing.accounts import Account
 from processing.blur import Blur
+from processing.jackknife import tiles
+from processing.mean_mixing import mean_mixing
 from processing.range_fit import AccountFit
 from processing.scattering import RivalFits
 
@@ -43,6 +45,9 @@ class RangeDecomposition:
     mixing
         float64, (colours, m, n): mean response of each component against pitch, freed from
         blur; the last row, white, is 1.
+    mixing_half_width
+        float64, the same shape: half of the 95 % confidence interval of that mean over the scene,
+        see `processing.jackknife`; 0 where it is 1 by definition, NaN where it cannot be had.
     white
         float32, (height, width, colours): the scene under full light.
     translucent
@@ -62,6 +67,7 @@ class RangeDecomposition:
     names: tuple[str, ...]
     pitch_px: Array
     mixing: Array
+    mixing_half_width: Array
     white: Image
     translucent: NDArray[np.bool_]
     blur: tuple[Blur, ...]
@@ -133,14 +139,18 @@ def assemble(
     # A step makes views where a list of indices would copy.
     step = 1 if found.any() else 2
     spaced = lattice(mask.shape)
-    mixing = _mean_mixing(capture, sample, found[spaced][mask[spaced]])
+    usable = mask[spaced]
+    mean = mean_mixing(
+        capture.responses, capture.accounts, sample, found[spaced][usable], tiles(usable)
+    )
     return RangeDecomposition(
         components=light.components[::step],
         noise_errors=light.noise_errors[::step],
         model_errors=light.model_errors[::step],
         names=NAMES[::step],
         pitch_px=np.append(capture.pitch_px, np.inf),
-        mixing=mixing[..., ::step],
+        mixing=mean.alpha[..., ::step],
+        mixing_half_width=mean.half_width[..., ::step],
         white=capture.white,
         translucent=found,
         blur=capture.blur,
@@ -159,21 +169,3 @@ def blocks(shape: tuple[int, int]) -> Iterator[slice]:
     """Lines of a picture, some 32 000 pixels at a time."""
     lines = max(_BLOCK_PIXELS // shape[1], 1)
     return (slice(first, first + lines) for first in range(0, shape[0], lines))
-
-
-def _mean_mixing(capture: Capture, fits: Fits, found: NDArray[np.bool_]) -> Array:
-    """Mean response of direct, near and far light, (colours, m + 1, 3), the last row 1."""
-    accounts = capture.accounts
-    mixing = np.ones((len(fits), len(capture.pitch_px) + 1, 3))
-    for colour, (pair, response) in enumerate(zip(fits, capture.responses, strict=True)):
-        spectra = np.zeros((2, response.shape[1]))
-        totals = np.zeros(2)
-        for account, fit, chosen in zip(accounts, pair, (~found, found), strict=True):
-            total = fit.amounts[chosen].sum(axis=0)
-            first, end = account.subsurface
-            spectra[0] += account.mixtures[:, first:end] @ total[first:end]
-            spectra[1] += account.mixtures[:, end:] @ total[end:-1]
-            totals += total[first:end].sum(), total[end:].sum()
-        for k in np.flatnonzero(totals > 0):
-            mixing[colour, :-1, 1 + k] = response @ spectra[k] / totals[k]
-    return mixing

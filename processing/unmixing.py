@@ -22,6 +22,8 @@ _DIRECT_LEAD = 0.25
 _TOLERANCE = 0.25
 _LEAST_WHITE = 0.1
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Unmixing:
@@ -33,6 +35,8 @@ class Unmixing:
         float64, (colours, n, n): components of a colour from its principal images.
     mixing
         float64, (colours, m, n): α against pitch, the finest first; the last row, white, is 1.
+    order
+        int, (n,): which row of the given unmixing each component is.
     names
         ``direct``, ``subsurface``, ``interreflection``, or ``component-1`` and so on by place.
     warnings
@@ -41,6 +45,7 @@ class Unmixing:
 
     matrix: NDArray[np.float64]
     mixing: NDArray[np.float64]
+    order: NDArray[np.int64]
     names: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -64,21 +69,33 @@ def resolve(
     principal_means
         (colours, n), means of the principal images over usable pixels.
     """
+    alpha, scale, strongest = _scaled(unmixing, vectors)
+    order = np.argsort(np.abs(np.mean(alpha[:, :-1], axis=0) - 1).mean(axis=0), kind="stable")
+    matrix = (unmixing * scale[:, :, np.newaxis])[:, order]
+    alpha = alpha[:, :, order]
+    names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
+    means = np.einsum("ckn,cn->ck", matrix, principal_means)
+    absent = (np.abs(scale) < _LEAST_WHITE * strongest)[:, order]
+    warnings = (*_unphysical(np.median(alpha, axis=0)), *_warnings(names, means, absent))
+    return Unmixing(matrix, alpha, order, names, warnings)
+
+
+def scaled_mixing(unmixing: NDArray[np.float64], vectors: NDArray[np.float64]) -> Array:
+    """α, (colours, m, n), of an unmixing as in `resolve`, in the order of its rows."""
+    return _scaled(unmixing, vectors)[0]
+
+
+def _scaled(
+    unmixing: NDArray[np.float64], vectors: NDArray[np.float64]
+) -> tuple[Array, Array, Array]:
+    """α, and what it was divided by and the strongest row of it, (colours, n) each."""
     mixing = vectors @ np.linalg.inv(unmixing)
     white = mixing[:, -1]
     strongest = np.abs(mixing).max(axis=1)
     # A component that is absent from white has no scale; it gets one that keeps it finite.
     least = 1e-6 * strongest
     scale = np.where(np.abs(white) < least, np.copysign(least, white), white)
-    alpha = mixing / scale[:, np.newaxis]
-    order = np.argsort(np.abs(np.mean(alpha[:, :-1], axis=0) - 1).mean(axis=0), kind="stable")
-    matrix = (unmixing * scale[:, :, np.newaxis])[:, order]
-    alpha = alpha[:, :, order]
-    names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
-    means = np.einsum("ckn,cn->ck", matrix, principal_means)
-    absent = (np.abs(white) < _LEAST_WHITE * strongest)[:, order]
-    warnings = (*_unphysical(np.median(alpha, axis=0)), *_warnings(names, means, absent))
-    return Unmixing(matrix, alpha, names, warnings)
+    return mixing / scale[:, np.newaxis], scale, strongest
 
 
 def component_names(alpha: NDArray[np.float64], pitch_px: NDArray[np.float64]) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ def colour_of(index: int) -> str:
 
 def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
     """α against pitch: one thick line a component, its colours thin, white light at ∞."""
-    alpha = np.array(mixing.alpha)
+    alpha, widths = np.array(mixing.alpha), _half_widths(mixing)
     families = [family for family in dict.fromkeys(mixing.families) if family.is_separable]
     pitches = [pitch for pitch in mixing.pitch_px if pitch is not None]
     infinity = _place_of_infinity(pitches)
@@ -85,13 +85,17 @@ def mixing_drawing(mixing: MixingRecord, names: Sequence[str]) -> Drawing:
             rows = [k for k, kind in enumerate(mixing.families) if kind in {family, "white"}]
             rows.sort(key=lambda k: x[k])
             for index in range(len(names)):
-                _draw_alpha(axes, x[rows], alpha[:, rows, index], colour_of(index), dash)
+                chosen = np.s_[:, rows, index]
+                _draw_alpha(axes, x[rows], alpha[chosen], widths[chosen], colour_of(index), dash)
         for index, name in enumerate(names):
             axes.plot([], [], color=colour_of(index), linewidth=2.4, label=name)
         if len(families) > 1:
             for dash, family in zip(DASHES * len(families), families, strict=False):
                 axes.plot([], [], color=INK, linestyle=dash, label=family.value)
         _label_pitches(axes, pitches, infinity)
+        # However wide the intervals are: the lines fill the drawing.
+        lowest, highest = min(float(alpha.min()), 0.0), max(float(alpha.max()), 1.0)
+        axes.set_ylim(1.05 * lowest - 0.05 * highest, 1.05 * highest - 0.05 * lowest)
         axes.set_ylabel("α, share of the component in the direct image")
         figure.legend(loc="outside upper left", ncols=3, handlelength=1.8, columnspacing=1.6)
     return Drawing(svg(figure), _mixing_in_words(mixing, alpha, names))
@@ -110,11 +114,26 @@ def _place_of_infinity(pitches: Sequence[int]) -> float:
     return max(pitches) + max(0.1 * (max(pitches) - min(pitches)), 0.15 * max(pitches))
 
 
+def _half_widths(mixing: MixingRecord) -> NDArray[np.float64]:
+    """Half of the intervals in the shape of α; NaN where there is none."""
+    if mixing.half_width is None:
+        return np.full(np.shape(mixing.alpha), np.nan)
+    return np.array(mixing.half_width, dtype=np.float64)
+
+
 def _draw_alpha(
-    axes: Axes, x: NDArray[np.float64], alpha: NDArray[np.float64], colour: str, dash: str
+    axes: Axes,
+    x: NDArray[np.float64],
+    alpha: NDArray[np.float64],
+    widths: NDArray[np.float64],
+    colour: str,
+    dash: str,
 ) -> None:
-    """Draw one component, alpha (colour, row); the step to infinite pitch is dotted."""
+    """Draw one component, alpha and its half intervals (colour, row); dotted to infinite pitch."""
     finite = len(x) - 1
+    for line, width in zip(alpha[:, :finite], widths[:, :finite], strict=True):
+        low, high = line - width, line + width
+        axes.fill_between(x[:finite], low, high, color=colour, alpha=0.18, linewidth=0)
     for values, width, opacity in ((alpha, 0.8, 0.55), (alpha.mean(axis=0)[np.newaxis], 2.4, 1)):
         for line in values:
             axes.plot(x[:finite], line[:finite], dash, c=colour, lw=width, alpha=opacity)
@@ -141,9 +160,14 @@ def _mixing_in_words(mixing: MixingRecord, alpha: NDArray[np.float64], names: Se
         return "Mixing against pitch: white light only."
     pitches = [mixing.pitch_px[k] or 0 for k in rows]
     first, last = rows[int(np.argmin(pitches))], rows[int(np.argmax(pitches))]
-    mean = alpha.mean(axis=0)
+    mean, widths = alpha.mean(axis=0), _half_widths(mixing).mean(axis=0)
+
+    def value(row: int, k: int) -> str:
+        known = math.isfinite(widths[row, k])
+        return f"{mean[row, k]:.2f}" + (f" ± {widths[row, k]:.2g}" if known else "")
+
     said = "; ".join(
-        f"{name} from {mean[first, k]:.2f} to {mean[last, k]:.2f}" for k, name in enumerate(names)
+        f"{name} from {value(first, k)} to {value(last, k)}" for k, name in enumerate(names)
     )
     return f"Mixing α between pitch {min(pitches)} and {max(pitches)} px, mean of colours: {said}."
 
