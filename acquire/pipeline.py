@@ -194,7 +194,7 @@ def process(
     if profiles.uses:
         used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
     record = _record(session, separated, components, asdict(options) | used, found).model_copy(
-        update={"frame_noise": noise}
+        update={"frame_noise": noise, "profiles": profiles.summaries}
     )
     _write(folder, separated, components, record)
     return Result(folder, record)

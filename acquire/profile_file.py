@@ -41,12 +41,26 @@ _SIM_DEVICES = (
 
 
 class Quantity(StrictModel):
-    """A number, or one a colour, with its standard uncertainty; null where there is none."""
+    """A number, or one a colour, with its standard uncertainty; null where there is none.
+
+    `role`: what was ``found``; a ``residual``, what the model or the frames leave unexplained; a
+    ``detail``, which only programs need.
+    """
 
     meaning: str
     unit: str
     value: Numbers = Field(min_length=1)
     uncertainty: Numbers | None = None
+    role: Literal["found", "residual", "detail"] = "found"
+
+    @property
+    def in_words(self) -> str:
+        """``0.0123 ± 0.0004, …``; a dash where there is no number."""
+        errors = self.uncertainty or (None,) * len(self.value)
+        return ", ".join(
+            "–" if value is None else f"{value:.5g}" + ("" if error is None else f" ± {error:.2g}")
+            for value, error in zip(self.value, errors, strict=True)
+        )
 
 
 class Curve(StrictModel):
@@ -61,6 +75,22 @@ class MapFile(StrictModel):
 
     file: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,200}$")]
     sha256: Sha256
+
+
+class ProfileSummary(StrictModel):
+    """What a reader of a result must know of a profile that it was made with.
+
+    `file` is its name, `page` that of the page that `lumisplit calibrate` wrote beside it. What
+    the profile says of itself is empty where it can no longer be read.
+    """
+
+    kind: ProfileKind
+    file: str
+    page: str
+    sha256: Sha256
+    measured: str = ""
+    figures: dict[str, Quantity] = Field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 class SessionUse(StrictModel):
@@ -86,6 +116,21 @@ class Profile(StrictModel):
     maps: MapFile | None = None
     warnings: tuple[str, ...] = ()
     versions: dict[str, str]
+
+    def summary(self, file: Path, digest: str) -> ProfileSummary:
+        """Its key figures, what was found before what is left, under the name of its file."""
+        order = ("found", "residual")
+        shown = [(name, one) for name, one in self.quantities.items() if one.role in order]
+        shown.sort(key=lambda each: order.index(each[1].role))
+        return ProfileSummary(
+            kind=self.kind,
+            file=file.name,
+            page=file.with_suffix(".html").name,
+            sha256=digest,
+            measured=self.measured,
+            figures=dict(shown),
+            warnings=self.warnings,
+        )
 
     def numbers(self, name: str) -> NDArray[np.float64]:
         """A quantity's values; NaN where there is none."""

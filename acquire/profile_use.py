@@ -7,7 +7,7 @@ plan, and with it in every session; copies lie in the session's ``profiles`` fol
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,14 @@ from pydantic import JsonValue
 from acquire.errors import ProfileError
 from acquire.plan import CameraPlan, Plan, ProfileUse, ProjectorPlan
 from acquire.plan_file import PlanFile, check_measurable, read_plan_file
-from acquire.profile_file import COLOURS, Profile, check_applies, read_maps, read_profile
+from acquire.profile_file import (
+    COLOURS,
+    Profile,
+    ProfileSummary,
+    check_applies,
+    read_maps,
+    read_profile,
+)
 from acquire.session import Session
 from acquire.session.folder import storage, write_durably
 from processing.blur import Blur
@@ -44,6 +51,8 @@ class Profiles:
         bool, (height, width): pixels to leave out.
     uses
         The profiles, by digest.
+    summaries
+        Of these, and of those that changed how the session was captured.
     """
 
     leak: float | None = None
@@ -51,6 +60,7 @@ class Profiles:
     noise: NDArray[np.float64] | None = None
     hot: NDArray[np.bool_] | None = None
     uses: tuple[ProfileUse, ...] = ()
+    summaries: tuple[ProfileSummary, ...] = ()
 
 
 def plan_with_profiles(path: Path) -> tuple[Plan, dict[str, Path]]:
@@ -125,7 +135,27 @@ def profiles_for(session: Session, given: Iterable[Path]) -> Profiles:
     found = Profiles()
     for path in named.values():
         found = _with(found, path, session)
-    return found
+    captured = (use for use in session.plan.calibration if use.kind not in named)
+    summaries = (*found.summaries, *(_kept_summary(session, use) for use in captured))
+    return replace(found, summaries=summaries)
+
+
+def _kept_summary(session: Session, use: ProfileUse) -> ProfileSummary:
+    """Of a profile that the session was captured with, as far as its copy still tells."""
+    kept = session.folder / KEPT / f"{use.kind}.json"
+    try:
+        profile, digest = read_profile(kept)
+    except ProfileError:
+        digest = ""
+    if digest == use.sha256:
+        return profile.summary(kept, digest)
+    return ProfileSummary(
+        kind=use.kind,
+        file=kept.name,
+        page=kept.with_suffix(".html").name,
+        sha256=use.sha256,
+        warnings=("Its copy in the session is missing or no longer the one that was used.",),
+    )
 
 
 def _with(found: Profiles, path: Path, session: Session) -> Profiles:
@@ -142,7 +172,14 @@ def _with(found: Profiles, path: Path, session: Session) -> Profiles:
     elif profile.kind == "dark":
         hot = np.asarray(read_maps(path, profile)["hot"], bool)
     use = ProfileUse(kind=profile.kind, sha256=digest)
-    return Profiles(leak, blur, noise, hot, (*found.uses, use))
+    return Profiles(
+        leak=leak,
+        blur=blur,
+        noise=noise,
+        hot=hot,
+        uses=(*found.uses, use),
+        summaries=(*found.summaries, profile.summary(path, digest)),
+    )
 
 
 def _of_kind(kind: str, file: Path) -> tuple[Profile, str]:

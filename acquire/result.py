@@ -29,6 +29,7 @@ from pydantic import ConfigDict, Field, JsonValue, ValidationError
 
 from acquire.errors import ResultError, SessionError
 from acquire.plan import CameraPlan, ProjectorPlan
+from acquire.profile_file import ProfileSummary
 from acquire.session.folder import read_plain, storage, write_durably
 from acquire.session.records import RunRecord, Sha256, SourceRecord
 from acquire.validation import StrictModel, explain
@@ -166,7 +167,10 @@ class SessionSummary(StrictModel):
 
 
 class ResultRecord(StrictModel):
-    """result.json; `cautions` are those of the `warnings` that are known in their parts."""
+    """result.json; `cautions` are those of the `warnings` that are known in their parts.
+
+    `profiles` are those that the frames were captured or processed with.
+    """
 
     format: Literal[1] = 1
     method: str
@@ -184,6 +188,7 @@ class ResultRecord(StrictModel):
     warnings: tuple[str, ...]
     cautions: tuple[Caution, ...] = ()
     proof: ProofRecord | None = None
+    profiles: tuple[ProfileSummary, ...] = ()
     plan_sha256: Sha256
     session: SessionSummary
     versions: dict[str, str]

@@ -125,6 +125,12 @@ def _finding(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Findi
                 unit="projector px",
                 value=(found.finest_px,),
             ),
+            "misfit": Quantity(
+                meaning="modulation that the Gaussian misses, root mean square over the pitches",
+                unit="",
+                value=numbers(np.sqrt(np.mean(found.misfit**2, axis=0))),
+                role="residual",
+            ),
         },
         curves={
             "contrast": Curve(

@@ -155,7 +155,10 @@ def _quantities(found: Exposure, fraction: float) -> dict[str, Quantity]:
             value=numbers(found.expected_signal),
         ),
         "flicker": Quantity(
-            meaning="relative scatter of equal frames", unit="", value=(found.flicker,)
+            meaning="relative scatter of equal frames",
+            unit="",
+            value=(found.flicker,),
+            role="residual",
         ),
     }
 

@@ -222,16 +222,18 @@ def _lens_quantities(pair: DevicePair) -> dict[str, Quantity]:
     found = {
         "reprojection_px": Quantity(
             meaning="what is left of the board's corners, root mean square over both devices",
-            unit="px", value=(pair.reprojection_px,),
+            unit="px", value=(pair.reprojection_px,), role="residual",
         ),
         "tilt_deg": Quantity(
             meaning="widest angle between two poses", unit="degrees", value=(pair.tilt_deg,)
         ),
         "rotation": Quantity(
-            meaning="camera to projector, (3, 3) row by row", unit="", value=numbers(pair.rotation)
+            meaning="camera to projector, (3, 3) row by row", unit="", value=numbers(pair.rotation),
+            role="detail",
         ),
         "translation_m": Quantity(
-            meaning="camera to projector", unit="m", value=numbers(pair.translation_m)
+            meaning="camera to projector", unit="m", value=numbers(pair.translation_m),
+            role="detail",
         ),
     }  # fmt: skip
     for name, lens in (("camera", pair.camera), ("projector", pair.projector)):
@@ -251,10 +253,10 @@ def _of_lens(name: str, lens: Lens) -> dict[str, Quantity]:
         ),
         f"{name}_distortion": Quantity(
             meaning="OpenCV's k1, k2, p1, p2, k3; only k1 is fitted", unit="",
-            value=numbers(lens.distortion),
+            value=numbers(lens.distortion), role="detail",
         ),
         f"{name}_reprojection_px": Quantity(
             meaning="what is left of the corners, this device by itself", unit="px",
-            value=(lens.reprojection_px,),
+            value=(lens.reprojection_px,), role="residual",
         ),
     }  # fmt: skip

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from acquire.calibrating.finding import Plot
 from acquire.calibrating.run import Calibrated
-from acquire.profile_file import Numbers
 from acquire.report.page import render_page
 from acquire.report.settings import Rows
 from acquire.session.folder import write_durably
@@ -61,7 +60,7 @@ def sheet(calibrated: Calibrated, purpose: str) -> Sheet:
         summary=purpose[0].upper() + purpose[1:] + ".",
         warnings=profile.warnings,
         quantities=tuple(
-            QuantityRow(name, one.meaning, one.unit, in_words(one.value, one.uncertainty))
+            QuantityRow(name, one.meaning, one.unit, one.in_words)
             for name, one in profile.quantities.items()
         ),
         plots=calibrated.finding.plots,
@@ -81,13 +80,4 @@ def sheet(calibrated: Calibrated, purpose: str) -> Sheet:
             ),
             *((name, version) for name, version in profile.versions.items()),
         ),
-    )
-
-
-def in_words(values: Numbers, uncertainty: Numbers | None) -> str:
-    """``0.0123 ± 0.0004, …``; a dash where there is no number."""
-    errors = uncertainty or (None,) * len(values)
-    return ", ".join(
-        "–" if value is None else f"{value:.5g}" + ("" if error is None else f" ± {error:.2g}")
-        for value, error in zip(values, errors, strict=True)
     )

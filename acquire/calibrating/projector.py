@@ -24,6 +24,8 @@ _TWICE = (WHITE, WHITE, BLACK, BLACK)
 WARNED_LEAK_SPREAD = 0.02
 WARNED_ADDITIVITY = 0.02
 WARNED_DRIFT = 0.005
+# Of a response: what the curve or a gamma leaves unexplained.
+RESIDUALS = {"level_deviation", "power_misfit"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,7 @@ class LeakCalibration:
                     meaning="half the distance between the 16th and 84th percentile",
                     unit="fraction of white",
                     value=(leak.spread,),
+                    role="residual",
                 ),
             },
             maps={"leak": each},
@@ -278,6 +281,7 @@ def _response_quantities(used: Sequence[Response], offset: float) -> dict[str, Q
             unit=unit,
             value=numbers(value),
             uncertainty=None if error is None else numbers(error),
+            role="residual" if name in RESIDUALS else "found",
         )
         for name, (meaning, unit, value, error) in fields.items()
     }

@@ -82,6 +82,12 @@ class DarkCalibration:
                     uncertainty=numbers(found.read_noise_deviation),
                 ),
                 "hot_pixels": Quantity(meaning="pixels left out", unit="", value=(float(hot),)),
+                "unsteadiness": Quantity(
+                    meaning="standard deviation over the frames of their median level",
+                    unit=RANGE,
+                    value=numbers(found.levels.std(axis=0)),
+                    role="residual",
+                ),
             },
             curves={
                 "levels": Curve(
@@ -276,10 +282,11 @@ def _noise_quantities(
         "read_noise_e": _quantity(
             "read noise of a photosite", "e", read_e, np.where(read_e > 0, read_error, np.nan)
         ),
-        "reduced_chi_square": _quantity(
-            "misfit of the line per degree of freedom, about 1 where it holds",
-            "",
-            np.array([line.reduced_chi_square for line in lines]),
+        "reduced_chi_square": Quantity(
+            meaning="misfit of the line per degree of freedom, about 1 where it holds",
+            unit="",
+            value=numbers([line.reduced_chi_square for line in lines]),
+            role="residual",
         ),
         "linear_to": _quantity(
             f"signal up to which the camera is linear within {linear.tolerance:.0%}",

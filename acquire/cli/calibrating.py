@@ -219,10 +219,9 @@ def _setting(
 
 
 def _print(calibrated: Calibrated) -> None:
-    from acquire.calibrating.page import in_words
 
     for name, one in calibrated.profile.quantities.items():
         unit = f" {one.unit}" if one.unit else ""
-        typer.echo(f"{name:<20} {in_words(one.value, one.uncertainty)}{unit}")
+        typer.echo(f"{name:<20} {one.in_words}{unit}")
     for warning in calibrated.profile.warnings:
         typer.echo(f"warning: {warning}", err=True)

@@ -172,11 +172,15 @@ def capture_rows(session: SessionSummary) -> Rows:
 
 
 def profile_rows(record: ResultRecord) -> Rows:
-    """Kind and digest of every calibration profile that changed the processing."""
+    """Kind and digest of every calibration profile that changed the processing.
+
+    Results from before profiles were summed up have nothing else of them.
+    """
     used = record.options.get("profiles")
     if not isinstance(used, dict):
         return ()
-    return tuple((kind, _text(digest)) for kind, digest in used.items())
+    told = {profile.sha256 for profile in record.profiles}
+    return tuple((kind, _text(digest)) for kind, digest in used.items() if digest not in told)
 
 
 def pattern_rows(record: ResultRecord) -> tuple[PatternRow, ...]:

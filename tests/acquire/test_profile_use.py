@@ -16,6 +16,7 @@ from acquire.calibrating.sensor import DarkCalibration, NoiseCalibration
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import ProfileError
 from acquire.plan import CameraPlan, ProjectorPlan
+from acquire.profile_file import read_profile
 from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles, profiles_for
 from acquire.rig.simulated import simulated_bench
 from tests.acquire.captures import SMALL_SIM, Notes, captured
@@ -110,3 +111,26 @@ def test_profiles_that_do_not_fit_are_refused(profiles: Path, tmp_path: Path) ->
     wrong.write_text(SINUSOIDS.replace('dark = "dark.json"', 'dark = "leak.json"'))
     with pytest.raises(ProfileError, match=r"calibration\.dark"):
         plan_with_profiles(wrong)
+
+
+def test_a_result_tells_the_key_figures_of_every_profile(profiles: Path, tmp_path: Path) -> None:
+    plan, files = plan_with_profiles(profiles / "plan.toml")
+    session, _ = captured(tmp_path / "session", plan, simulated_bench(SIM))
+    keep_profiles(files, session.folder)
+    told = {one.kind: one for one in profiles_for(session, [profiles / "noise.json"]).summaries}
+    assert set(told) == {"noise", "dark", "response", "latency"}
+    for kind, one in told.items():
+        profile, digest = read_profile(profiles / f"{kind}.json")
+        assert one.sha256 == digest
+        assert one.measured == profile.measured
+        assert one.page == f"{kind}.html"
+        roles = [figure.role for figure in one.figures.values()]
+        assert roles == sorted(roles), kind
+        assert "found" in roles
+        assert all(profile.quantities[name] == figure for name, figure in one.figures.items())
+    assert all("residual" in [f.role for f in told[k].figures.values()] for k in ("noise", "dark"))
+    (session.folder / "profiles" / "latency.json").unlink()
+    lost = {one.kind: one for one in profiles_for(session, []).summaries}["latency"]
+    assert lost.sha256 == told["latency"].sha256
+    assert lost.figures == {}
+    assert "missing" in lost.warnings[0]

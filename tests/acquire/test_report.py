@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import io
 import json
 import re
 import tomllib
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from PIL import Image
 from playwright.sync_api import Playwright
 from pydantic import JsonValue, ValidationError
 
@@ -29,61 +26,8 @@ from acquire.session.records import RunRecord, SourceRecord, Transfer
 from acquire.tone import encode
 from processing.patterns import Family
 from tests.acquire.browsers import opened
+from tests.acquire.report_pages import HOSTILE, Page, page_of, said
 from tests.acquire.result_folders import SIM, write_result
-
-HOSTILE = "<script>alert('x')</script>\"><img src=https://example.org/x onerror=alert(1)>"
-LOADING = {"src", "href", "srcset", "action", "data", "poster", "background", "formaction"}
-
-
-class Page(HTMLParser):
-    """Tags, loaded addresses, event handlers and text of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.addresses: list[str] = []
-        self.handlers: list[str] = []
-        self.images: dict[str, str] = {}
-        self.csp = ""
-        self.scripts: list[str] = []
-        self._words: list[str] = []
-        self._style = False
-        self.feed(text)
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self._words).split())
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        values = {name: value or "" for name, value in attrs}
-        self.addresses += [value for name, value in values.items() if name in LOADING]
-        self.handlers += [name for name in values if name.startswith("on")]
-        if tag == "img":
-            self.images[values["alt"]] = values["src"]
-        if values.get("http-equiv") == "Content-Security-Policy":
-            self.csp = values["content"]
-        self._style = tag in {"style", "script"}
-        if tag == "script":
-            self.scripts.append(values.get("type", ""))
-
-    def handle_data(self, data: str) -> None:
-        if not self._style:
-            self._words.append(data)
-
-    def pixels(self, alt: str) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
-        data = base64.b64decode(self.images[alt].partition(",")[2])
-        return np.asarray(Image.open(io.BytesIO(data)))
-
-
-def said(fraction: float) -> str:
-    """A percentage as `Page.text` has it, every space plain."""
-    return percent(fraction).replace("\u202f", " ")
-
-
-def page_of(result: Result) -> Page:
-    return Page(write_report(result).read_text("utf-8"))
-
 
 IMPORTED = SourceRecord(
     table=f"{HOSTILE}.csv", table_sha256="1" * 64, transfer=Transfer.SRGB, notes=(HOSTILE,)
@@ -295,7 +239,7 @@ def test_proof_is_counted_and_drawn(tmp_path: Path) -> None:
     assert "white by -2.00 % to -2.00 %" in alt
 
 
-def test_profiles_are_named_with_their_digests(tmp_path: Path) -> None:
+def test_profiles_of_earlier_versions_are_named_with_their_digests(tmp_path: Path) -> None:
     options: dict[str, JsonValue] = {"profiles": {"noise": "ab" * 32}}
     page = page_of(write_result(tmp_path / "r", options=options))
     assert f"Calibration profiles, by digest noise {'ab' * 32}" in page.text
