@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from processing.auxiva import auxiva
 from processing.gradients import gradient_samples
 from processing.noise import noise_deviation
-from processing.pca import PrincipalComponents, Rows, combine, line_blocks, principal_components
+from processing.pca import PrincipalComponents, principal_components
+from processing.rows import Rows, combine, means
 from processing.smoothing import choose_smoothing
 from processing.unmixing import resolve
 from processing.unmixing_confidence import alpha_half_width
@@ -129,8 +130,8 @@ def decompose_iva(
     white_filter = _whiten(samples)
     found = auxiva(samples, n_iterations)
     progress(0.9)
-    means = _means(images, mask)
-    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], means)
+    light = means(images, mask)
+    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], light)
     half_width = alpha_half_width(samples, white_filter, vectors, unmixing.order, n_iterations)
     progress(0.95)
     combine(unmixing.matrix, images, images)
@@ -191,12 +192,3 @@ def _insignificant(
         for k, share in enumerate(principal.shares[:n_components])
         if share < 2 * noise_share
     )
-
-
-def _means(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Means over usable pixels, (colours, n)."""
-    total = np.zeros((images.shape[0], images.shape[3]))
-    for lines in line_blocks(images):
-        total += images[:, lines][:, mask[lines]].sum(axis=1, dtype=np.float64)
-    means: NDArray[np.float64] = total.T / np.count_nonzero(mask)
-    return means

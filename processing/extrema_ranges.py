@@ -23,7 +23,6 @@ from processing.accounts import Account, opaque, spread_grid, translucent
 from processing.blur import BLUR_UNSURE, Blur, shorth
 from processing.noise import noise_deviation
 from processing.patterns import Family
-from processing.pca import Rows
 from processing.range_decomposition import (
     Capture,
     Fits,
@@ -33,6 +32,7 @@ from processing.range_decomposition import (
     lattice,
 )
 from processing.range_fit import fit_rows
+from processing.rows import Rows
 from processing.scattering import RivalFits, translucent_map
 
 Array = NDArray[np.float64]

@@ -7,6 +7,9 @@ their gradients exactly, and no value of a masked pixel enters it.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -48,16 +51,48 @@ def gradient_samples(
     every = (slice(None, None, stride_px), slice(None, None, stride_px))
     right = (usable[:, 1:] & usable[:, :-1])[every]
     down = (usable[1:] & usable[:-1])[every]
-    n_right, n_down = np.count_nonzero(right), np.count_nonzero(down)
-    samples = np.empty((images.shape[3], images.shape[0], n_right + n_down), np.float32)
+    n_samples = np.count_nonzero(right) + np.count_nonzero(down)
+    samples = np.empty((images.shape[3], images.shape[0], n_samples), np.float32)
     weight[~usable] = 1
     for index, image in enumerate(images):
-        for color in range(images.shape[3]):
-            plane = np.where(mask, image[..., color], np.float32(0))
-            plane = _smoothed(plane, smoothing_px) / weight
-            samples[color, index, :n_right] = np.diff(plane, axis=1)[every][right]
-            samples[color, index, n_right:] = np.diff(plane, axis=0)[every][down]
+        smooth = image if smoothing_px == 0 else _normalised(image, mask, weight, smoothing_px)
+        _take_differences(smooth, right, down, stride_px, samples[:, index])
     return samples
+
+
+def _normalised(
+    image: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    weight: NDArray[np.float32],
+    smoothing_px: float,
+) -> NDArray[np.float32]:
+    """Smoothed over usable pixels, (height, width, colours)."""
+    smooth = np.empty_like(image)
+
+    def fill(color: int) -> None:
+        plane = np.where(mask, image[..., color], np.float32(0))
+        np.divide(_smoothed(plane, smoothing_px), weight, out=smooth[..., color])
+
+    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="smooth") as threads:
+        list(threads.map(fill, range(image.shape[2])))
+    return smooth
+
+
+@numba.njit(cache=True)
+def _take_differences(image, right, down, stride_px, samples):  # type: ignore[no-untyped-def]
+    """Fill `samples`, (colours, n), with the differences to the right, then with those down."""
+    n = 0
+    for usable, y_step, x_step in ((right, 0, 1), (down, 1, 0)):
+        for line in range(usable.shape[0]):
+            y = line * stride_px
+            for column in range(usable.shape[1]):
+                if usable[line, column]:
+                    x = column * stride_px
+                    for color in range(image.shape[2]):
+                        samples[color, n] = (
+                            image[y + y_step, x + x_step, color] - image[y, x, color]
+                        )
+                    n += 1
 
 
 def _smoothed(plane: NDArray[np.float32], smoothing_px: float) -> NDArray[np.float32]:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 _MEDIAN_TO_DEVIATION = 1.4826
 # The kernel (1, -2, 1)' (1, -2, 1) multiplies white noise by the root of its sum of squares.
 _KERNEL_GAIN = 6.0
+# Neighbourhoods that give the noise to 0.3 %; of larger images only some lines are looked at.
+_ENOUGH = 1 << 19
 
 
 def noise_deviation(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
@@ -37,25 +39,28 @@ def noise_deviation(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> floa
             "noise is measured in 3 × 3 pixels and more: image and mask have shapes "
             f"{image.shape} and {mask.shape}"
         )
-    usable = np.ones((height - 2, width - 2), bool)
-    for down in range(3):
-        for right in range(3):
-            usable &= mask[down : height - 2 + down, right : width - 2 + right]
+    spacing = -(-mask.size // _ENOUGH)
+    above, at, below = (slice(k, height - 2 + k, spacing) for k in range(3))
+    whole = mask[above] & mask[at] & mask[below]
+    usable = whole[:, :-2] & whole[:, 1:-1] & whole[:, 2:]
     if not usable.any():
         return 0.0
-    along = image[:-2] - 2 * image[1:-1] + image[2:]
+    lines = image[above], image[at], image[below]
+    along = lines[0] - 2 * lines[1] + lines[2]
     difference = (along[:, :-2] - 2 * along[:, 1:-1] + along[:, 2:])[usable]
-    edges = _squared_sobel(image)[usable]
+    edges = _squared_sobel(*lines)[usable]
     quiet = edges <= np.median(edges)
     medians = np.median(np.abs(difference[quiet]), axis=0)
     return float(_MEDIAN_TO_DEVIATION / _KERNEL_GAIN * medians.mean())
 
 
-def _squared_sobel(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Square of the gradient, all colours together, (height − 2, width − 2)."""
-    down = image[:-2] + 2 * image[1:-1] + image[2:]
-    across = image[:, :-2] + 2 * image[:, 1:-1] + image[:, 2:]
+def _squared_sobel(
+    above: NDArray[np.float32], at: NDArray[np.float32], below: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Square of the gradient of lines, all colours together, (lines, width − 2)."""
+    down = above + 2 * at + below
     right = down[:, 2:] - down[:, :-2]
-    below = across[2:] - across[:-2]
-    squared: NDArray[np.float32] = np.sum(right**2 + below**2, axis=2)
+    fall = below - above
+    steep = fall[:, :-2] + 2 * fall[:, 1:-1] + fall[:, 2:]
+    squared: NDArray[np.float32] = np.sum(right**2 + steep**2, axis=2)
     return squared

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from processing.gradients import gradient_samples
 from processing.noise import noise_deviation
-from processing.pca import combine, principal_components
+from processing.pca import principal_components
+from processing.rows import combine
 from processing.smoothing import choose_smoothing
 from processing.whitening import whitening
 from tests.processing.conftest import Mixture
