@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from acquire.pitches import SeparatedPitches
-from acquire.result import Caution
+from acquire.result import Caution, DriftRecord
 from acquire.session import Session
 from calibration.projector import measure_leak
+from processing.drift import Course
 
 WARNED_SPREAD = 0.01
 WARNED_ADDITIVITY = 0.02
@@ -28,6 +29,7 @@ def cautions(session: Session, separated: SeparatedPitches) -> Iterator[Caution]
             remedy="`lumisplit capture` goes on where it stopped; then process again.",
         )
     yield from _references(separated)
+    yield from _drift(session, separated)
     if session.record.source is None:
         yield from _positions(separated)
     yield from _pitches(separated)
@@ -42,20 +44,12 @@ def cautions(session: Session, separated: SeparatedPitches) -> Iterator[Caution]
 
 
 def _references(separated: SeparatedPitches) -> Iterator[Caution]:
-    white, black = separated.white_reference, separated.black_reference
+    white, black = separated.references.white, separated.references.black
     if white is None:
         yield Caution(
             what="No white frame: twice the mean of the frames stands in for it.",
             meaning="No pitch could be checked against it; drift and a change of gain go unseen.",
             remedy="Let the next plan hold white frames, or import them with their role.",
-        )
-    elif white.spread > WARNED_SPREAD:
-        yield Caution(
-            what=f"The white frames differ by up to ±{white.spread:.1%} in level: lamp, camera or "
-            "room light changed during the capture.",
-            meaning="Direct light carries errors of that size.",
-            remedy="Let the lamp warm up, fix the camera's exposure and gain, and darken the room; "
-            "capture again if that is too much.",
         )
     if black is None:
         yield Caution(
@@ -76,6 +70,62 @@ def _references(separated: SeparatedPitches) -> Iterator[Caution]:
                 "need be.",
                 remedy="Darken the room, or switch off the projector's dynamic contrast.",
             )
+
+
+def _drift(session: Session, separated: SeparatedPitches) -> Iterator[Caution]:
+    found, white = separated.references.record, separated.references.white
+    if found is not None and found.course is Course.ROUGH:
+        yield Caution(
+            what=f"Light or black level changed by {found.range:.1%} of white between the "
+            f"references, and not smoothly: one lies {found.bend:.1%} off the line between its "
+            "neighbours.",
+            meaning="The frames were not corrected, because what happened between two references "
+            "is not known; direct light carries errors of that size.",
+            remedy="Let the lamp warm up, keep projector and camera from changing light or gain, "
+            "and darken the room; repeat references more often (`references.every_frames`).",
+        )
+    elif found is not None and found.corrected:
+        yield _corrected(session, separated, found)
+    elif found is not None and found.range > WARNED_SPREAD:
+        imported = session.record.source is not None
+        yield Caution(
+            what=f"Light or black level drifted by {found.range:.1%} of white between the "
+            "references, and the frames were not corrected"
+            + (": in which order they were taken is not known." if imported else ", as asked."),
+            meaning="Direct light carries errors of that size.",
+            remedy="Correct the frames before importing them, or capture with lumisplit."
+            if imported
+            else "Process without `--no-drift-correction`.",
+        )
+    elif found is None and white is not None and white.spread > WARNED_SPREAD:
+        yield Caution(
+            what=f"The white frames differ by up to ±{white.spread:.1%} in level.",
+            meaning="Direct light carries errors of that size.",
+            remedy="Fix the camera's exposure and gain, and let the lamp warm up.",
+        )
+
+
+def _corrected(session: Session, separated: SeparatedPitches, found: DriftRecord) -> Caution:
+    only_two = max(len(found.white_order), len(found.black_order)) == 2
+    after = len(session.lines) - 1 - max(found.white_order)
+    course = (
+        "Its course between the only two references is taken to be a straight line."
+        if only_two
+        else f"What it bends between references leaves some {found.bend / 4:.2%} in the frames."
+    )
+    if not session.complete and after > 1:
+        course += f" The last {after} frames have no reference after them and are corrected as it."
+    sums = [abs(p.additivity_error) for p in separated.pitches if p.additivity_error is not None]
+    if sums:
+        course += f" Patterns and complements now miss white by {max(sums):.2%} at most."
+    return Caution(
+        what=f"Light or black level drifted by {found.range:.1%} of white during the capture; "
+        "the frames were corrected.",
+        meaning="Every frame was brought to the light and the black level of the first "
+        f"references, colour by colour, on the line between those before and after it. {course}",
+        remedy="Let lamp and camera warm up, and there is less to correct; "
+        "`--no-drift-correction` leaves the frames as they were captured.",
+    )
 
 
 def _positions(separated: SeparatedPitches) -> Iterator[Caution]:

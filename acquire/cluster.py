@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from acquire.errors import StackError
 from acquire.pitches import GatheredPitch, LocalGatherer
+from acquire.references import Levels
 from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.stack import Stack
 from drivers.image import Demosaic
+from processing.drift import Drift
 from processing.frame_noise import FrameSample
 from processing.harmonics import PitchDesign, PitchHarmonics
 from processing.patterns import Pattern
@@ -128,18 +130,16 @@ class RemoteGatherer:
     listen: Callable[[PitchHarmonics], None] | None
     frame_done: Callable[[], None]
 
-    def gather(
-        self, stack: Stack, dark: Image | None, lit: Image | None
-    ) -> Iterator[GatheredPitch]:
+    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
         """See `acquire.pitches.Gatherer.gather`."""
         parked = self.folder.resolve() / PARKED
         with storage(parked):
             parked.mkdir()
-            for name, image in (("dark", dark), ("lit", lit)):
+            for name, image in (("dark", levels.dark), ("lit", levels.lit)):
                 if image is not None:
                     np.save(parked / f"{name}.npy", image)
         place = str(self.session.folder.resolve()), str(parked)
-        how = self.demosaic.value, self.leak, self.listen is not None
+        how = self.demosaic.value, self.leak, self.listen is not None, levels.drift
         tasks = [(*place, k, *how) for k in range(len(stack.groups))]
         done = self.cluster.results(gather_pitch, tasks)
         for group, name in zip(stack.groups, done, strict=True):
@@ -173,7 +173,13 @@ class RemoteGatherer:
 
 
 def gather_pitch(
-    session: str, parked: str, index: int, demosaic: str, leak: float, with_harmonics: bool
+    session: str,
+    parked: str,
+    index: int,
+    demosaic: str,
+    leak: float,
+    with_harmonics: bool,
+    drift: Drift | None,
 ) -> str:
     """Decode and separate one pitch, on a worker.
 
@@ -187,6 +193,8 @@ def gather_pitch(
         As in `acquire.pipeline.Options`.
     with_harmonics
         Whether they are wanted.
+    drift
+        To be taken off every frame.
 
     Returns
     -------
@@ -207,7 +215,8 @@ def gather_pitch(
             heard.append(PitchHarmonics(design, (height, width, colours)))
         heard[0].add(values, pattern)
 
-    found = LocalGatherer(leak, listen, lambda: None).gather_one(stack, group, dark, lit)
+    gatherer = LocalGatherer(leak, listen, lambda: None)
+    found = gatherer.gather_one(stack, group, Levels(dark, lit, drift))
     images: dict[str, NDArray[np.generic]] = {
         "mean": found.mean,
         "direct": found.separation.direct_light,

@@ -94,8 +94,9 @@ def _estimate(
     if not pitch.family.is_binary:
         phases = [pattern.phase for pattern in patterns]
         return amplitude_estimate(direct, white, noise, phases, leak)
-    if separated.white_reference is not None and not balanced(patterns):
-        white_deviation = _white_deviation(separated, noise, separated.white_reference.frames)
+    white_reference = separated.references.white
+    if white_reference is not None and not balanced(patterns):
+        white_deviation = _white_deviation(separated, noise, white_reference.frames)
         correction = extrema_correction(len(patterns), white_deviation)
         return extrema_estimate(direct, white, noise, correction, leak=leak)
     correction = extrema_correction(len(patterns))

@@ -26,6 +26,7 @@ from acquire.methods import (
 from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
 from acquire.profile_use import Profiles
 from acquire.proof import proof_of, proven
+from acquire.references import read_references
 from acquire.result import (
     RECORD,
     Caution,
@@ -89,6 +90,8 @@ class Options:
         b of the projector where no black frame was captured.
     demosaic
         How raw frames become pixels.
+    drift_correction
+        Whether smooth drift between the references is taken off the frames.
     """
 
     method: str | None = None
@@ -97,6 +100,7 @@ class Options:
     smoothing_px: float | None = None
     leak: float = 0.0
     demosaic: Demosaic = Demosaic.SUPERPIXEL
+    drift_correction: bool = True
 
 
 class Observer(Protocol):
@@ -169,8 +173,11 @@ def process(
             task = (session, folder, options.demosaic, options.leak)
             heard = method.pitch if method.wants_harmonics else None
             gatherer = RemoteGatherer(cluster, *task, heard, observer.advance)
+        references = read_references(
+            session, stack, observer.advance, correct_drift=options.drift_correction
+        )
         separated = separate_pitches(
-            stack, folder, options.leak, method.frame, observer.advance, gatherer
+            stack, references, folder, options.leak, method.frame, observer.advance, gatherer
         )
         if not np.any(separated.mask == PixelClass.MEASURED):
             raise StackError(
@@ -302,6 +309,7 @@ def _record(
         warnings=(*notes, *(caution.text for caution in found), *components.warnings),
         cautions=found,
         proof=proof_of(session),
+        drift=separated.references.record,
         plan_sha256=session.plan.sha256,
         session=SessionSummary(
             plan_sha256=session.plan.sha256,

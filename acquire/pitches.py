@@ -12,9 +12,10 @@ import tifffile
 from numpy.typing import NDArray
 
 from acquire.errors import StackError
+from acquire.references import Levels, References
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
-from acquire.stack import PitchGroup, Reference, Stack
+from acquire.stack import PitchGroup, Stack
 from processing.frame_noise import FrameSample
 from processing.patterns import Family, Pattern, balanced
 from processing.separation import (
@@ -41,8 +42,8 @@ class SeparatedPitches:
         float32, (height, width, 3): white less black light.
     mask
         uint8, (height, width), `PixelClass`.
-    white_reference, black_reference
-        The uniform frames, where they were captured.
+    references
+        The uniform frames and what follows from them.
     samples
         Some pixels of all frames of each pitch.
     """
@@ -50,8 +51,7 @@ class SeparatedPitches:
     pitches: tuple[PitchRecord, ...]
     white: Image
     mask: NDArray[np.uint8]
-    white_reference: Reference | None
-    black_reference: Reference | None
+    references: References
     samples: tuple[FrameSample, ...]
 
     @property
@@ -80,9 +80,7 @@ class GatheredPitch:
 class Gatherer(Protocol):
     """Goes through the frames of all pitches, here or elsewhere."""
 
-    def gather(
-        self, stack: Stack, dark: Image | None, lit: Image | None
-    ) -> Iterator[GatheredPitch]:
+    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
         """Each group of the stack, in its order; the stack learns what is saturated."""
         ...
 
@@ -105,25 +103,22 @@ class LocalGatherer:
     listen: Callable[[Image, Pattern], None]
     frame_done: Callable[[], None]
 
-    def gather(
-        self, stack: Stack, dark: Image | None, lit: Image | None
-    ) -> Iterator[GatheredPitch]:
+    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
         """See `Gatherer.gather`."""
         for group in stack.groups:
-            yield self.gather_one(stack, group, dark, lit)
+            yield self.gather_one(stack, group, levels)
 
-    def gather_one(
-        self, stack: Stack, group: PitchGroup, dark: Image | None, lit: Image | None
-    ) -> GatheredPitch:
+    def gather_one(self, stack: Stack, group: PitchGroup, levels: Levels) -> GatheredPitch:
         """One pitch."""
         sample = FrameSample([frame.pattern for frame in group.frames])
-        frames = _watched(_frames(stack, group, dark, self.listen, self.frame_done), sample)
-        mean, separation = _separate(frames, group, lit, self.leak)
+        frames = _watched(_frames(stack, group, levels, self.listen, self.frame_done), sample)
+        mean, separation = _separate(frames, group, levels.lit, self.leak)
         return GatheredPitch(mean, separation, sample)
 
 
 def separate_pitches(
     stack: Stack,
+    references: References,
     folder: Path,
     leak: float,
     listen: Callable[[Image, Pattern], None],
@@ -136,6 +131,8 @@ def separate_pitches(
     ----------
     stack
         The session's frames.
+    references
+        Those among them that show no pattern.
     folder
         The result folder; it exists.
     leak
@@ -149,10 +146,7 @@ def separate_pitches(
         Goes through the frames of the pitches; here, one after the other, if it is not given.
     """
     gatherer = gatherer or LocalGatherer(leak, listen, frame_done)
-    black = stack.reference(Family.BLACK, frame_done)
-    white = stack.reference(Family.WHITE, frame_done)
-    dark = None if black is None else black.image
-    lit = None if white is None else white.image - (0 if dark is None else dark)
+    lit = references.levels.lit
     if lit is not None:
         listen(lit, Pattern(Family.WHITE))
     with storage(folder):
@@ -161,7 +155,7 @@ def separate_pitches(
     pitches: list[PitchRecord] = []
     samples: list[FrameSample] = []
     whole = lit
-    gathered = gatherer.gather(stack, dark, lit)
+    gathered = gatherer.gather(stack, references.levels)
     for group, name, found in zip(stack.groups, names, gathered, strict=True):
         mean, separation = found.mean, found.separation
         samples.append(found.sample)
@@ -173,9 +167,8 @@ def separate_pitches(
             pitches[-1] = _judged(pitches[-1], group, mean, separation, lit, _mask(stack, lit))
     if whole is None:
         raise StackError("There is no pitch to separate.")
-    return SeparatedPitches(
-        _resolved(pitches), whole, _mask(stack, whole), white, black, tuple(samples)
-    )
+    mask = _mask(stack, whole)
+    return SeparatedPitches(_resolved(pitches), whole, mask, references, tuple(samples))
 
 
 def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
@@ -204,13 +197,13 @@ def blank_files(folder: Path, separated: SeparatedPitches) -> None:
 def _frames(
     stack: Stack,
     group: PitchGroup,
-    dark: Image | None,
+    levels: Levels,
     listen: Callable[[Image, Pattern], None],
     frame_done: Callable[[], None],
 ) -> Iterator[tuple[Image, Pattern]]:
-    """The frames of a pitch, black subtracted, one at a time."""
+    """The frames of a pitch, black subtracted and freed from drift, one at a time."""
     for frame, image in stack.images(group.frames):
-        values = image.values if dark is None else image.values - dark
+        values = levels.even(image.values, stack.order(frame))
         listen(values, frame.pattern)
         yield values, frame.pattern
         frame_done()

@@ -33,6 +33,7 @@ from acquire.profile_file import ProfileSummary
 from acquire.session.folder import read_plain, storage, write_durably
 from acquire.session.records import RunRecord, Sha256, SourceRecord
 from acquire.validation import StrictModel, explain
+from processing.drift import Course
 from processing.patterns import Family
 
 RECORD = "result.json"
@@ -135,6 +136,32 @@ class ProofRecord(StrictModel):
     additivity: tuple[float | None, ...] = ()
 
 
+class DriftRecord(StrictModel):
+    """How light and black level went during the run, by the repeated references.
+
+    Parameters
+    ----------
+    course, corrected
+        Whether it was steady, smooth or rough, and whether the frames were freed from it.
+    white_order, gain
+        Place of each white frame among the exposures, and its light in each colour, 1 at the first.
+    black_order, offset
+        The same of the black frames: rise of their level, fraction of the sensor's range.
+    range, bend
+        Of gain or offset, the larger in parts of the light: largest less smallest, and how far a
+        reference lies off the line between its neighbours.
+    """
+
+    course: Course
+    corrected: bool
+    white_order: tuple[int, ...]
+    gain: tuple[tuple[float, ...], ...]
+    black_order: tuple[int, ...]
+    offset: tuple[tuple[float, ...], ...]
+    range: float
+    bend: float
+
+
 class FrameNoiseRecord(StrictModel):
     """Variance of a frame's noise in each colour: in the dark, and its rise with light.
 
@@ -189,6 +216,7 @@ class ResultRecord(StrictModel):
     cautions: tuple[Caution, ...] = ()
     proof: ProofRecord | None = None
     profiles: tuple[ProfileSummary, ...] = ()
+    drift: DriftRecord | None = None
     plan_sha256: Sha256
     session: SessionSummary
     versions: dict[str, str]

@@ -12,6 +12,8 @@ from acquire.errors import StackError
 from acquire.frames import Frames
 from acquire.session import FrameRecord, Session
 from drivers.image import Demosaic
+from processing.drift import Level
+from processing.frame_noise import lattice
 from processing.patterns import Family
 
 
@@ -35,13 +37,18 @@ class Reference:
     spread
         Largest difference between the mean level of any one frame and of all, relative to the
         latter: 0 for a single frame.
-    frames
-        How many there are.
+    levels
+        A lattice of pixels of each, in the order of the plan.
     """
 
     image: NDArray[np.float32]
     spread: float
-    frames: int
+    levels: tuple[Level, ...]
+
+    @property
+    def frames(self) -> int:
+        """How many there are."""
+        return len(self.levels)
 
 
 class Stack(Frames):
@@ -50,6 +57,7 @@ class Stack(Frames):
     def __init__(self, session: Session, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> None:
         super().__init__(session, demosaic)
         self.groups = _groups(session.frames)
+        self._places = {(line.step, line.attempt): k for k, line in enumerate(session.lines)}
         if not self.groups:
             raise StackError(
                 f"{session.folder} holds no pattern frames yet; there is nothing to separate."
@@ -61,16 +69,22 @@ class Stack(Frames):
         if not frames:
             return None
         total: NDArray[np.float32] | None = None
-        levels = []
-        for _, image in self.images(frames):
+        means, levels = list[float](), list[Level]()
+        for frame, image in self.images(frames):
             total = image.values.copy() if total is None else np.add(total, image.values, out=total)
-            levels.append(float(image.values.mean(dtype=np.float64)))
+            means.append(float(image.values.mean(dtype=np.float64)))
+            sample = image.values[lattice(image.values.shape[:2])].copy()
+            levels.append(Level(self.order(frame), sample))
             frame_done()
         if total is None:
             return None
-        mean_level = float(np.mean(levels))
-        spread = float(np.ptp(levels)) / 2 / max(abs(mean_level), 1e-6)
-        return Reference(total / np.float32(len(frames)), spread, len(frames))
+        mean_level = float(np.mean(means))
+        spread = float(np.ptp(means)) / 2 / max(abs(mean_level), 1e-6)
+        return Reference(total / np.float32(len(frames)), spread, tuple(levels))
+
+    def order(self, frame: FrameRecord) -> int:
+        """Place of a frame among all exposures, those included that were taken again."""
+        return self._places[frame.step, frame.attempt]
 
 
 def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:

@@ -103,6 +103,13 @@ def process_command(
             "session's plan names are used anyway."
         ),
     ] = None,
+    drift_correction: Annotated[
+        bool,
+        typer.Option(
+            "--drift-correction/--no-drift-correction",
+            help="Take smooth drift of lamp and camera between the references off the frames.",
+        ),
+    ] = True,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -112,7 +119,9 @@ def process_command(
     from acquire.pipeline import Options
     from acquire.report import write_report
 
-    options = Options(method, components, iterations, smoothing_px, leak, demosaic)
+    options = Options(
+        method, components, iterations, smoothing_px, leak, demosaic, drift_correction
+    )
     jobs, done = _jobs(folders, out), list[dict[str, object]]()
     with nullcontext() if scheduler is None else connected(scheduler) as cluster:
         for folder, result_folder in jobs:

@@ -31,7 +31,7 @@ from acquire.report.plates import (
     spread_pitches,
     white_plate,
 )
-from acquire.report.run_drawing import run_drawing
+from acquire.report.run_drawing import drift_drawing, run_drawing
 from acquire.result import Caution, Result, ResultRecord
 
 METHODS = {
@@ -46,6 +46,7 @@ class Drawings:
 
     frames: Drawing | None
     run: Drawing | None
+    drift: Drawing | None
     mixing: Drawing | None
     pca: Drawing | None
     convergence: Drawing | None
@@ -188,6 +189,7 @@ def _drawings(record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate
     return Drawings(
         frames=frames_drawing(record.pitches),
         run=None if record.proof is None else run_drawing(record.proof),
+        drift=None if record.drift is None else drift_drawing(record.drift),
         mixing=mixing_drawing(record.mixing, record.components) if finite(alpha) else None,
         pca=pca_drawing(pca, len(record.components), noise_share) if finite(pca) else None,
         convergence=convergence_drawing(cost) if finite(cost) else None,

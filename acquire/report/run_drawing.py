@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from acquire.report.figures import FAINT, PALETTE, STYLE, Drawing, svg
-from acquire.result import ProofRecord
+from acquire.report.figures import FAINT, PALETTE, RGB_LINES, STYLE, Drawing, drawn, svg
+from acquire.result import DriftRecord, ProofRecord
 
 SMALLEST_PERCENT = 0.5
 
@@ -33,6 +33,26 @@ def run_drawing(proof: ProofRecord) -> Drawing | None:
         svg(figure),
         f"Light of {np.isfinite(light).sum()} frames in the order of the run, {_span(light)}; "
         f"patterns and complements miss white by {_span(sums)}.",
+    )
+
+
+def drift_drawing(drift: DriftRecord) -> Drawing | None:
+    """Light of the white frames against their place among the exposures; None for a single one."""
+    if len(drift.white_order) < 2:
+        return None
+    percent = 100 * np.array(drift.gain) - 100
+    with drawn(5.7, 2.5) as (figure, axes):
+        axes.axhline(0, color=FAINT, linewidth=0.8)
+        for colour, line in zip(RGB_LINES, percent.T, strict=True):
+            axes.plot(drift.white_order, line, "o-", c=colour, ms=4, lw=1.4)
+        largest = max(float(np.abs(percent).max()), SMALLEST_PERCENT)
+        axes.set_ylim(-1.15 * largest, 1.15 * largest)
+        axes.set_xlabel("place among all exposures")
+        axes.set_ylabel("white − first, %")
+        axes.grid(axis="y")
+    return Drawing(
+        svg(figure),
+        f"Light of {len(percent)} white frames against the first, {_span(percent)}.",
     )
 
 

@@ -100,9 +100,10 @@ def _flags(record: ResultRecord) -> str:
         **record.options,
     }
     given = ((flag, values.get(option)) for option, flag in FLAGS.items())
-    return " ".join(
-        f"{flag} {shlex.quote(_text(value))}" for flag, value in given if value is not None
-    )
+    words = [f"{flag} {shlex.quote(_text(value))}" for flag, value in given if value is not None]
+    if values.get("drift_correction") is False:
+        words.append("--no-drift-correction")
+    return " ".join(words)
 
 
 def bench_toml(bench: Mapping[str, JsonValue]) -> str:

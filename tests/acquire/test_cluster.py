@@ -83,9 +83,12 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    plan = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\nshifts = [4, 2]\n")
+    """Of a lamp that drifts, so that the frames are corrected."""
+    text = (
+        "[pattern]\npitch_px = [8, 12, 16, 24]\nshifts = [4, 2]\n[references]\nevery_frames = 16\n"
+    )
     folder = tmp_path_factory.mktemp("captured") / "s"
-    return captured(folder, plan, small_bench(full_well_e=20_000.0))[0]
+    return captured(folder, small_plan(text), small_bench(full_well_e=20_000.0, drift=-0.1))[0]
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -1,0 +1,149 @@
+"""What the white and black frames of a session say: full light, darkness, and their drift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquire.result import DriftRecord
+from acquire.session import Session
+from acquire.stack import Reference, Stack
+from processing.drift import Course, Drift, measure_drift
+from processing.frame_noise import lattice
+from processing.patterns import Family
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """What every pattern frame is held against.
+
+    Parameters
+    ----------
+    dark
+        Mean of the black frames, float32, (height, width, 3), as at the first of them.
+    lit
+        White less black light, as at the first white frame.
+    drift
+        What is taken off every frame; None where nothing is.
+    """
+
+    dark: Image | None
+    lit: Image | None
+    drift: Drift | None = None
+
+    def even(self, values: Image, order: int) -> Image:
+        """A frame less black, as it would have been at the first references.
+
+        Parameters
+        ----------
+        values
+            float32, (height, width, 3), as decoded; changed in place.
+        order
+            Its place among all exposures.
+        """
+        if self.dark is not None:
+            values -= self.dark
+        if self.drift is not None:
+            at = np.array([order], np.float64)
+            values -= self.drift.offset.at(at)[0].astype(np.float32)
+            values /= self.drift.gain.at(at)[0].astype(np.float32)
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class References:
+    """The reference frames and what follows from them.
+
+    Parameters
+    ----------
+    white, black
+        As captured; None where the session has none.
+    levels
+        As the pattern frames are held against.
+    record
+        The drift, where there is more than one reference.
+    """
+
+    white: Reference | None
+    black: Reference | None
+    levels: Levels
+    record: DriftRecord | None
+
+
+def read_references(
+    session: Session, stack: Stack, frame_done: Callable[[], None], *, correct_drift: bool
+) -> References:
+    """Decode the references of a session.
+
+    Drift is corrected where it is smooth and the order of the exposures is known.
+
+    Parameters
+    ----------
+    session, stack
+        The frames, which lie in the session.
+    frame_done
+        Called after each decoded frame.
+    correct_drift
+        Whether to correct at all.
+    """
+    black = stack.reference(Family.BLACK, frame_done)
+    white = stack.reference(Family.WHITE, frame_done)
+    drift = _drift(session, stack, white, black)
+    if drift is None or white is None:
+        return References(white, black, _levels(white, black, None), None)
+    smooth = drift.course is Course.SMOOTH
+    corrected = smooth and correct_drift and session.record.source is None
+    record = DriftRecord(
+        course=drift.course,
+        corrected=corrected,
+        white_order=tuple(int(order) for order in drift.gain.order),
+        gain=tuple(tuple(row) for row in drift.gain.values.tolist()),
+        black_order=tuple(int(order) for order in drift.offset.order),
+        offset=tuple(tuple(row) for row in drift.offset.values.tolist()),
+        bend=drift.bend,
+        range=max(drift.gain.range, drift.offset.range / drift.light),
+    )
+    levels = _levels(white, black, drift.seen() if corrected else None)
+    return References(white, black, levels, record)
+
+
+def _drift(
+    session: Session, stack: Stack, white: Reference | None, black: Reference | None
+) -> Drift | None:
+    """None where there is only one moment, or where exposures differ by intention."""
+    if white is None or stack.saturated is None or session.plan.exposures_s is not None:
+        return None
+    if max(white.frames, black.frames if black else 0) < 2:
+        return None
+    usable = ~stack.saturated[lattice(stack.saturated.shape)]
+    return measure_drift(white.levels, black.levels if black else (), usable)
+
+
+def _levels(white: Reference | None, black: Reference | None, drift: Drift | None) -> Levels:
+    """Means of the references, freed from their drift.
+
+    With W = dark + offset + gain·light for each white frame, light is (ΣW − n·dark − Σoffset) over
+    Σgain.
+    """
+    dark = None if black is None else black.image
+    if dark is not None and black is not None and drift is not None:
+        dark = dark - _mean(drift.offset.at(_orders(black)))
+    if white is None:
+        return Levels(dark, None, drift)
+    lit = white.image - (0 if dark is None else dark)
+    if drift is not None:
+        lit = (lit - _mean(drift.offset.at(_orders(white)))) / _mean(drift.gain.at(_orders(white)))
+    return Levels(dark, lit, drift)
+
+
+def _orders(reference: Reference) -> NDArray[np.float64]:
+    return np.array([level.order for level in reference.levels], np.float64)
+
+
+def _mean(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.asarray(values.mean(axis=0), np.float32)
