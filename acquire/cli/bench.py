@@ -63,13 +63,13 @@ def bench_command(
     if plan is not None:
         check_fits(plan, bench.resolution, bench.name)
         check_profiles(profiles, described(bench), plan.camera)
-    setting = setting_of(bench, plan, out, profiles, can_aim=True)
+    setting = setting_of(bench, plan, profiles, can_start=plan is not None and out is not None)
     with (
         stop_on_signals() as stop,
         ProgressDisplay(quiet=quiet, verbose=verbose) as progress,
-        paged(setting, port, progress) as desk,
+        paged(setting, out, port, progress) as desk,
     ):
-        paged_bench = PagedBench(bench, Job(plan, out), desk, progress, stop)
+        paged_bench = PagedBench(bench, Job(plan, out, profiles), desk, progress, stop)
         desk.listen(paged_bench.obey)
         paged_bench.run()
 
@@ -77,10 +77,10 @@ def bench_command(
 def setting_of(
     bench: Bench,
     plan: Plan | None,
-    out: Path | None,
     profiles: Mapping[str, Path],
     *,
-    can_aim: bool,
+    can_aim: bool = True,
+    can_start: bool = False,
 ) -> Setting:
     """What the page is told once; `profiles` are the files of those that the plan names."""
     from acquire.page.state import Setting
@@ -90,9 +90,8 @@ def setting_of(
         projector_px=bench.resolution,
         frame_bytes=bench.frame_bytes,
         plan=plan,
-        session=None if out is None else str(out.absolute()),
         can_aim=can_aim,
-        can_start=can_aim and plan is not None and out is not None,
+        can_start=can_start,
         version=metadata.version("lumisplit"),
         geometry=str(profiles["geometry"].absolute()) if "geometry" in profiles else None,
     )
@@ -100,7 +99,12 @@ def setting_of(
 
 @contextmanager
 def paged(
-    setting: Setting, port: int, progress: ProgressDisplay, *, aside: bool = False
+    setting: Setting,
+    out: Path | None,
+    port: int,
+    progress: ProgressDisplay,
+    *,
+    aside: bool = False,
 ) -> Iterator[Desk]:
     """Serve a page and print its address, `aside` on standard error."""
     from acquire.page.desk import Desk
@@ -111,12 +115,13 @@ def paged(
 
     with open_page(setting, port, gone) as link:
         typer.echo(f"page: {link.address}", err=aside)
-        yield Desk(link, progress.say)
+        yield Desk(link, progress.say, out)
 
 
 @contextmanager
 def capture_page(
     setting: Setting,
+    out: Path,
     port: int,
     progress: ProgressDisplay,
     stop: threading.Event,
@@ -127,7 +132,7 @@ def capture_page(
     """The page of a capture that begins now; `counts` are frames on the disk and in the plan."""
     from acquire.page.capturing import CapturePage
 
-    with paged(setting, port, progress, aside=aside) as desk:
+    with paged(setting, out, port, progress, aside=aside) as desk:
         page = CapturePage(desk, progress, stop, *counts)
         desk.listen(page.obey)
         yield page

@@ -253,9 +253,9 @@ def run_capture(
         if port is None:
             session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
         else:
-            setting = setting_of(bench, plan, out, profiles or {}, can_aim=False)
+            setting = setting_of(bench, plan, profiles or {}, can_aim=False)
             counts = done, len(plan)
-            with capture_page(setting, port, progress, stop, counts, aside=as_json) as page:
+            with capture_page(setting, out, port, progress, stop, counts, aside=as_json) as page:
                 session, outcome = record(
                     plan, bench, out, page, stop, page.pause, keep_unproven=keep_unproven
                 )

@@ -22,6 +22,13 @@ PICTURE_EVERY_S = 0.1
 CHECK_EVERY_S = 1.0
 
 
+def first_view(devices: Devices, settings: CameraSettings) -> CameraView:
+    """Live view where the camera has it."""
+    has_live_view = isinstance(devices.camera, LiveCamera)
+    source = Source.LIVE_VIEW if has_live_view else Source.OFF
+    return CameraView(source, has_live_view, settings)
+
+
 class Aiming:
     """Obeys the page with open devices, all from one thread.
 
@@ -31,8 +38,8 @@ class Aiming:
         Closed by the caller.
     desk
         Told of everything.
-    settings
-        Of the camera, to begin with.
+    view
+        What the camera does to begin with.
     gamma
         Of the projector, for patterns that are not only black and white.
     goes_on
@@ -43,21 +50,19 @@ class Aiming:
         self,
         devices: Devices,
         desk: Desk,
-        settings: CameraSettings,
+        view: CameraView,
         gamma: float,
         goes_on: Callable[[], bool],
     ) -> None:
         self._devices, self._desk, self._goes_on = devices, desk, goes_on
         self._gamma = gamma
         self.commands: queue.Queue[BenchCommand] = queue.Queue(maxsize=32)
-        has_live_view = isinstance(devices.camera, LiveCamera)
-        source = Source.LIVE_VIEW if has_live_view else Source.OFF
-        self._view = CameraView(source, has_live_view, settings)
+        self.view = view
         self._live: Generator[bytes] | None = None
 
     def run(self) -> None:
         """Obey until aiming is over."""
-        self._tell(lambda snapshot: replace(snapshot, activity=Activity.AIMING, camera=self._view))
+        self._tell(lambda snapshot: replace(snapshot, activity=Activity.AIMING, camera=self.view))
         self._try(lambda: self._show("black"))
         due_s = checked_s = time.monotonic()
         try:
@@ -80,10 +85,10 @@ class Aiming:
                 self._try(lambda: self._show(what))
             case Look(source=source):
                 self._end_live()
-                self._see(replace(self._view, source=source))
+                self._see(replace(self.view, source=source))
             case Expose(settings=settings):
                 self._end_live()
-                self._see(replace(self._view, asked=settings, read_back=None))
+                self._see(replace(self.view, asked=settings, read_back=None))
 
     def _show(self, what: str) -> None:
         projector = self._devices.projector
@@ -97,7 +102,7 @@ class Aiming:
 
     def _take(self) -> None:
         """One picture; a camera that fails is not asked again until somebody wants it."""
-        view = self._view
+        view = self.view
         try:
             if view.source is Source.LIVE_VIEW:
                 self._take_live()
@@ -108,19 +113,19 @@ class Aiming:
         except CameraError as error:
             self._end_live()
             self._desk.note(f"The camera delivers no pictures: {error}", is_error=True)
-            self._see(replace(self._view, source=Source.OFF))
+            self._see(replace(self.view, source=Source.OFF))
         except DriverError as error:
             self._desk.note(str(error), is_error=True)
-            self._see(replace(self._view, source=Source.OFF))
+            self._see(replace(self.view, source=Source.OFF))
 
     def _take_live(self) -> None:
         camera = self._devices.camera
         if not isinstance(camera, LiveCamera):
             raise CameraError("it has no live view; take exposures instead.")
         if self._live is None:
-            self._live = camera.live_view(self._view.asked)
+            self._live = camera.live_view(self.view.asked)
             data = next(self._live)
-            self._see(replace(self._view, read_back=camera.read_back()))
+            self._see(replace(self.view, read_back=camera.read_back()))
         else:
             data = next(self._live)
         self._desk.picture(media_type(data), data)
@@ -131,8 +136,8 @@ class Aiming:
             self._live = None
 
     def _see(self, view: CameraView) -> None:
-        if view != self._view:
-            self._view = view
+        if view != self.view:
+            self.view = view
             self._tell(lambda snapshot: replace(snapshot, camera=view))
 
     def _try(self, act: Callable[[], None]) -> None:

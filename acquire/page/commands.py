@@ -43,9 +43,12 @@ class Expose(StrictModel):
 
 
 class Order(StrictModel):
-    """One word to the bench: open or let go the devices; the plan's start, rest and end."""
+    """One word to the bench: open or let go the devices; the plan's start, rest and end.
 
-    do: Literal["aim", "rest", "start", "pause", "go-on", "stop"]
+    ``start-new`` begins the plan in another folder, whose name the bench chooses.
+    """
+
+    do: Literal["aim", "rest", "start", "start-new", "pause", "go-on", "stop"]
 
 
 class Helm(StrictModel):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from acquire.page.commands import BenchCommand
 from acquire.page.link import PageLink
@@ -20,12 +21,16 @@ class Desk:
         To the page.
     say
         Says a line to the person at the terminal.
+    session
+        Folder that frames go to.
     """
 
-    def __init__(self, link: PageLink, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, link: PageLink, say: Callable[[str], None], session: Path | None = None
+    ) -> None:
         self._link, self._say = link, say
         self._lock = threading.RLock()
-        self._snapshot = Snapshot()
+        self._snapshot = Snapshot(session=None if session is None else str(session.absolute()))
 
     @property
     def snapshot(self) -> Snapshot:

@@ -48,14 +48,14 @@ class Hub:
         self.viewers: dict[int, Viewer] = {}
         self.ended = False
         self._command, self._helm, self._count = command, Helm(), 0
-        self._session = SessionView(Path(setting.session), setting) if setting.session else None
+        self._session: SessionView | None = None
+        self._session_path: str | None = None
         self._darkroom = ThreadPoolExecutor(1, thread_name_prefix="darkroom")
         self._arrived: Message | None = None
         self._work = asyncio.Event()
         self._picture: tuple[int, Negative, dict[str, Any]] | None = None
         self._prints: dict[Box | None, Print] = {}
         self._comparison: tuple[int, bytes] | None = None
-        self._developed_steps = 0
         self._trouble = ""
         self._free_bytes: int | None = None
 
@@ -66,10 +66,16 @@ class Hub:
             self._work.set()
             return
         self.snapshot = SNAPSHOT.validate_json(message.text)
-        progress = self.snapshot.progress
-        if progress is not None and progress.done != self._developed_steps:
-            self._work.set()
+        self._turn_to(self.snapshot.session)
+        self._work.set()
         self._tell_all()
+
+    def _turn_to(self, path: str | None) -> None:
+        """Look at another session from now on."""
+        if path == self._session_path:
+            return
+        self._session_path = path
+        self._session = None if path is None else SessionView(Path(path), self.setting)
 
     def end(self) -> None:
         """The desk is gone."""
@@ -115,8 +121,9 @@ class Hub:
         """Once a second: who commands, and the disk; as long as the page is served."""
         while True:
             self._helm = self._helm.at(time.monotonic())
-            if self.setting.session:
-                folder = Path(self.setting.session)
+            self._work.set()  # a frame that was taken again is not told of
+            if self._session_path:
+                folder = Path(self._session_path)
                 there = next(path for path in (folder, *folder.parents) if path.exists())
                 with suppress(OSError):
                     self._free_bytes = shutil.disk_usage(there).free
@@ -130,9 +137,7 @@ class Hub:
             self._work.clear()
             if not self.viewers:
                 continue
-            pause_s = await self._develop_newest()
-            self._tell_all()
-            await asyncio.sleep(pause_s)
+            await asyncio.sleep(await self._develop_newest())
 
     async def state_for(self, viewer: Viewer) -> str:
         """What this viewer is told, as JSON."""
@@ -212,6 +217,7 @@ class Hub:
             }
         if self.ended:
             state["activity"] = Activity.ENDED
+        state["session"] = Path(self._session_path).name if self._session_path else None
         return state | {
             "kind": "state",
             "free_bytes": self._free_bytes,
@@ -222,7 +228,7 @@ class Hub:
         """Decode the newest; how long to leave the processor to others."""
         loop = asyncio.get_running_loop()
         arrived, self._arrived = self._arrived, None
-        progress = self.snapshot.progress
+        session = self._session
         try:
             if arrived is not None:
                 picture = await loop.run_in_executor(
@@ -230,13 +236,16 @@ class Hub:
                 )
                 self._hang(picture, None)
                 return LIVE_EVERY_S
-            done = 0 if progress is None else progress.done
-            if self._session is not None and done and done != self._developed_steps:
-                self._developed_steps = done
-                frame = await loop.run_in_executor(self._darkroom, self._session.last)
+            if session is None:
+                return LIVE_EVERY_S
+            frame = await loop.run_in_executor(self._darkroom, session.newest)
+            if frame is None:
+                return LIVE_EVERY_S
+            if session is self._session:
                 self._hang(frame.picture, frame)
         except (LumisplitError, DriverError) as error:
             self._trouble = str(error)
+            self._tell_all()
         return FRAME_EVERY_S
 
     def _hang(self, picture: Negative, frame: LastFrame | None) -> None:
@@ -247,6 +256,7 @@ class Hub:
         self._comparison = None if frame is None else (number, _packed(number, frame))
         self._prints.clear()
         self._trouble = ""
+        self._tell_all()
 
 
 def _packed(number: int, frame: LastFrame) -> bytes:

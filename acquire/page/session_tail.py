@@ -54,8 +54,10 @@ class SessionTail:
         self.last: FrameRecord | None = None
 
     def follow(self) -> None:
-        """Take in the whole lines that are new."""
+        """Take in the whole lines that are new; none while there is no session yet."""
         path = self._folder / LINES
+        if not path.exists():
+            return
         try:
             with path.open("rb") as file:
                 file.seek(self._read_bytes)

@@ -6,13 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from acquire.errors import LumisplitError
 from acquire.page.comparison import Comparison, compared
 from acquire.page.darkroom import Negative
 from acquire.page.expectation import Expectation, Places, small
 from acquire.page.session_tail import SessionTail
 from acquire.page.state import Setting
 from acquire.profile_file import read_maps, read_profile
+from acquire.session import FrameRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +49,16 @@ class SessionView:
         self._tail = SessionTail(folder)
         self._setting = setting
         self._expectation: Expectation | None = None
+        self._looked_at: FrameRecord | None = None
 
-    def last(self) -> LastFrame:
-        """The newest frame; raises `LumisplitError` while there is none."""
+    def newest(self) -> LastFrame | None:
+        """The newest frame; None when it was looked at already."""
         self._tail.follow()
         record = self._tail.last
         plan = self._setting.plan
-        if record is None or plan is None:
-            raise LumisplitError("The session has no frame yet.")
+        if record is None or record == self._looked_at or plan is None:
+            return None
+        self._looked_at = record
         if self._expectation is None:
             self._expectation = Expectation(
                 plan,

@@ -100,11 +100,20 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything that changes; `pausing` and `stopping` are wishes not yet fulfilled."""
+    """Everything that changes.
+
+    Parameters
+    ----------
+    pausing, stopping
+        Wishes not yet fulfilled.
+    session
+        Absolute path of the session folder; for the page's process, never for the browser.
+    """
 
     activity: Activity = Activity.OPENING
     pausing: bool = False
     stopping: bool = False
+    session: str | None = None
     shown: Shown | None = None
     camera: CameraView = CameraView()
     progress: Progress | None = None
@@ -129,21 +138,18 @@ class Setting:
         Size of a frame on the disk.
     plan
         The plan, where there is one.
-    session
-        Absolute path of the session folder; for the page's process, never for the browser.
     can_aim, can_start
         Whether the page may show patterns and live view, and start the plan.
     version
         Of lumisplit.
     geometry
-        Absolute path of the geometry profile that the plan names; never for the browser either.
+        Absolute path of the geometry profile that the plan names; never for the browser.
     """
 
     bench: str
     projector_px: tuple[int, int]
     frame_bytes: int
     plan: Plan | None
-    session: str | None
     can_aim: bool
     can_start: bool
     version: str

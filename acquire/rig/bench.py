@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,9 @@ class Resumption:
     last_file: bytes | None = None
 
 
+Connect = Callable[[Resumption, ExitStack], Devices]
+
+
 @dataclass(frozen=True, slots=True)
 class Bench:
     """A bench that has been found but not opened.
@@ -50,6 +53,8 @@ class Bench:
         (height, width) of the projector in pixels.
     frame_bytes, frame_s
         Size of one frame on the disk, and its time beside settling and exposure.
+    closes_when_complete
+        A bench that is held open should be let go when a plan is complete: its lamp goes off then.
     """
 
     name: str
@@ -57,9 +62,11 @@ class Bench:
     resolution: tuple[int, int]
     frame_bytes: int
     frame_s: float
-    _connect: Callable[[Resumption, ExitStack], Devices]
+    _connect: Connect
     _truth: Callable[[Plan], Truth] | None = None
-    _connect_to_aim: Callable[[Resumption, ExitStack], Devices] | None = None
+    _connect_to_aim: Connect | None = None
+    _hold: Callable[[Plan, ExitStack], tuple[Connect, Connect]] | None = None
+    closes_when_complete: bool = False
 
     @contextmanager
     def open(self, resumption: Resumption) -> Iterator[Devices]:
@@ -73,6 +80,21 @@ class Bench:
         connect = self._connect_to_aim or self._connect
         with ExitStack() as closing:
             yield connect(resumption, closing)
+
+    @contextmanager
+    def held(self, plan: Plan) -> Iterator[Bench]:
+        """The bench with its devices open, for turns of aiming and capturing one plan.
+
+        What is opened on it are the same devices every time; between the turns and at the end the
+        projector is black. A bench without devices that matter, a computed or recorded one, is
+        opened anew each time.
+        """
+        if self._hold is None:
+            yield self
+            return
+        with ExitStack() as closing:
+            capturing, aiming = self._hold(plan, closing)
+            yield replace(self, _connect=capturing, _connect_to_aim=aiming, _hold=None)
 
     def truth(self, plan: Plan) -> Truth | None:
         """The parts of light of a simulated scene, exposed as the plan says."""

@@ -168,7 +168,7 @@ const ACTIONS = {
   exposures: () => look("exposures"),
   show: () => show(element("pattern").value),
 };
-for (const word of ["take", "ask", "hand-over", "keep", "leave", "start", "pause", "go-on", "stop", "aim", "rest"])
+for (const word of ["take", "ask", "hand-over", "keep", "leave", "start", "start-new", "pause", "go-on", "stop", "aim", "rest"])
   ACTIONS[word] = () => order(word);
 for (const [id, act] of Object.entries(ACTIONS)) element(id)?.addEventListener("click", act);
 for (const button of document.querySelectorAll("[data-show]"))

@@ -71,7 +71,8 @@ function showPlan(state) {
   const { progress } = state;
   element("done").max = progress?.total ?? 1;
   element("done").value = progress?.done ?? 0;
-  put("count", progress ? `${progress.done} of ${progress.total}` : "not started");
+  put("count", progress ? `${progress.done} of ${progress.total}` : "none");
+  put("session", state.session ? `in ${state.session}` : "");
   put("left", progress?.left_s != null ? duration(progress.left_s) : "–");
   put("pace", progress?.frame_s ? `${(60 / progress.frame_s).toFixed(1)} frames a minute` : "–");
   const free = state.free_bytes;
@@ -125,7 +126,10 @@ function enable(state, commands) {
   if (aiming) element("live").disabled = !state.camera.has_live_view;
   const canStart = document.body.dataset.start === "1" && ["aiming", "resting"].includes(state.activity);
   const complete = state.progress && state.progress.done === state.progress.total;
+  const begun = Boolean(state.progress?.done);
+  put("start", begun ? `go on from frame ${state.progress.done}` : "start");
   visible("start", canStart && !complete, commands);
+  visible("start-new", canStart && begun, commands);
   visible("pause", capturing && !state.pausing && state.activity !== "paused", commands && !state.stopping);
   visible("go-on", capturing && (state.pausing || state.activity === "paused"), commands);
   visible("stop", capturing, commands && !state.stopping);

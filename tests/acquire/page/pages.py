@@ -118,13 +118,12 @@ def unpacked(message: bytes) -> tuple[dict[str, Any], list[bytes]]:
 
 
 @contextmanager
-def served(session: str | None = None) -> Iterator[Served]:
+def served() -> Iterator[Served]:
     setting = Setting(
         bench="a bench",
         projector_px=(48, 64),
         frame_bytes=3000,
         plan=small_plan(),
-        session=session,
         can_aim=True,
         can_start=True,
         version="0",

@@ -283,7 +283,7 @@ def start_rest_and_go_on(operator: Operator, lab: Lab) -> None:
     lab.until_lines(at_rest + 2)
     operator.until("document.getElementById('camera').dataset.step !== ''")
     page.click("#stop")
-    operator.activity("resting")
+    operator.activity("aiming")
     assert lab.lines < 26
     page.click("#start")
     operator.activity("capturing")
@@ -298,7 +298,7 @@ def die_and_come_back(lab: Lab, playwright: Playwright, chromium: str) -> None:
     done = operator.page.evaluate("document.getElementById('done').value")
     assert before + 2 <= done <= lab.lines
     lab.until_lines(26)
-    operator.activity("resting")
+    operator.activity("aiming")
     assert operator.page.inner_text("#count") == "26 of 26"
     operator.browser.close()
 

@@ -1,0 +1,128 @@
+"""``lumisplit bench`` on a real window: the desktop is never projected between two uses."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from acquire.session import Session
+from drivers.protocols import CameraSettings
+from drivers.sim.devices import SimulationConfig, build
+from drivers.sim.ptp_responder.responder import Responder
+from drivers.sim.ptp_responder.server import PtpIpServer
+from tests import processes
+from tests.acquire.page.pages import Client
+from tests.processes import finish
+from tests.screens.desk import PROJECTOR, Desk
+
+PLAN = "[pattern]\npitch_px = [16, 24]\nshifts = [2, 2]\n[projector]\nsettle_s = 0.02\n"
+DESKTOP = (48, 80, 160)
+
+
+@pytest.fixture
+def camera(desk: Desk) -> Iterator[PtpIpServer]:
+    scene = build(SimulationConfig("corner", camera_px=(16, 24), projector_px=desk.projector_px))
+
+    def source(settings: CameraSettings) -> tuple[bytes, str]:
+        raster = desk.projector_screen(desk.photograph())[..., 0]
+        scene.projector.show(np.ascontiguousarray(raster))
+        frame = scene.camera.capture(settings)
+        return frame.data, frame.media_type
+
+    with PtpIpServer(Responder(source)) as server:
+        yield server
+
+
+def start(desk: Desk, folder: Path, port: int) -> tuple[subprocess.Popen[str], Client]:
+    (folder / "plan.toml").write_text(PLAN)
+    (folder / "bench.toml").write_text(
+        f'kind = "lab"\n[projector]\nmonitor = "{PROJECTOR}"\n'
+        f'[camera]\naddress = "ptpip:127.0.0.1:{port}"\n'
+    )
+    words = ["bench", str(folder / "plan.toml"), "--bench", str(folder / "bench.toml")]
+    process = processes.start(*words, "--out", str(folder / "s"), environment=desk.environment)
+    assert process.stdout is not None
+    line = next(line for line in process.stdout if line.startswith("page: "))
+    address = urlsplit(line.split()[-1])
+    origin = f"http://{address.netloc}"
+    return process, Client(f"ws://{address.netloc}{address.path}socket", origin)
+
+
+def shows_desktop(desk: Desk) -> bool:
+    """Rasters are grey; the desktop of this test is not."""
+    screen = desk.projector_screen(desk.photograph())
+    return bool((screen == DESKTOP).all(axis=2).any())
+
+
+@contextmanager
+def watched(desk: Desk) -> Iterator[list[bool]]:
+    """Photographs of what is projected, one after the other: whether they show the desktop."""
+    seen: list[bool] = []
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.is_set():
+            seen.append(shows_desktop(desk))
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        yield seen
+    finally:
+        over.set()
+        thread.join()
+
+
+def wait_for(viewer: Client, done: int) -> None:
+    while viewer.state["activity"] != "capturing" or viewer.state["progress"]["done"] < done:
+        viewer.told()
+
+
+def wait_until_shown(viewer: Client, what: str) -> None:
+    while (viewer.state["shown"] or {"what": ""})["what"] != what:
+        viewer.told()
+
+
+def test_aiming_and_capturing_in_turn_with_one_window(
+    desk: Desk, camera: PtpIpServer, tmp_path: Path
+) -> None:
+    desk.run("xsetroot", "-solid", "#{:02x}{:02x}{:02x}".format(*DESKTOP))
+    assert shows_desktop(desk)
+    process, viewer = start(desk, tmp_path, camera.address[1])
+    wait_until_shown(viewer, "black")
+    with watched(desk) as seen:
+        viewer.ask(do="start")
+        wait_for(viewer, 3)
+        viewer.ask(do="stop")
+        viewer.until("activity", "aiming")
+        assert not desk.projector_screen(desk.photograph()).any()
+        viewer.ask(do="show", what="white")
+        wait_until_shown(viewer, "white")
+        assert desk.projector_screen(desk.photograph()).all()
+        viewer.ask(do="start")
+        wait_for(viewer, 4)
+        viewer.until("activity", "aiming")
+        viewer.ask(do="start-new")
+        wait_for(viewer, 2)
+        assert viewer.state["session"] == "s-2"
+        viewer.ask(do="stop")
+        viewer.until("activity", "aiming")
+    assert len(seen) > 10
+    assert not any(seen)
+    process.send_signal(signal.SIGTERM)
+    viewer.until("activity", "ended")
+    viewer.close()
+    output = finish(process)
+    assert process.returncode == 0, output
+    assert "Traceback" not in output
+    assert Session.open(tmp_path / "s").complete
+    assert 2 <= len(Session.open(tmp_path / "s-2").frames) < len(Session.open(tmp_path / "s").plan)
+    assert shows_desktop(desk)
