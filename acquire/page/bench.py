@@ -28,7 +28,6 @@ from acquire.session import Session
 from drivers.errors import DriverError
 
 LOOK_S = 0.1
-MAX_DIGITS = 5
 
 AIMING_PLAN = Plan(camera=CameraPlan(), patterns=(BLACK,))
 
@@ -67,11 +66,8 @@ class _Wish(Enum):
 
 
 def unused(folder: Path) -> Path:
-    """The next folder beside one that does not exist yet: ``night-2`` after ``night``."""
-    stem, dash, number = folder.name.rpartition("-")
-    is_numbered = bool(dash and stem and number.isdecimal() and len(number) < MAX_DIGITS)
-    name, first = (stem, int(number) + 1) if is_numbered else (folder.name, 2)
-    names = (folder.with_name(f"{name}-{count}") for count in itertools.count(first))
+    """The first folder beside one that does not exist yet: ``night-2`` beside ``night``."""
+    names = (folder.with_name(f"{folder.name}-{count}") for count in itertools.count(2))
     return next(path for path in names if not path.exists())
 
 
@@ -188,10 +184,10 @@ class PagedBench:
     def _do_capture(self, bench: Bench) -> None:
         """Capture, then aim again: whatever a capture fails of but its devices ends nothing."""
         plan, folder = self._plan, self._folder
-        if folder is None:
+        if folder is None or self._job.folder is None:
             return
         if self._wish is _Wish.CAPTURE_ANEW:
-            folder = self._folder = unused(folder)
+            folder = self._folder = unused(self._job.folder)
         self._display.stage("capturing", len(plan), done := _done(folder))
         stop = StopOfOne(self._stop)
         self._desk.change(lambda snapshot: replace(snapshot, session=str(folder.absolute())))

@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -118,7 +119,7 @@ def unpacked(message: bytes) -> tuple[dict[str, Any], list[bytes]]:
 
 
 @contextmanager
-def served() -> Iterator[Served]:
+def served(session: Path | None = None) -> Iterator[Served]:
     setting = Setting(
         bench="a bench",
         projector_px=(48, 64),
@@ -130,6 +131,6 @@ def served() -> Iterator[Served]:
     )
     gone: queue.Queue[None] = queue.Queue()
     with open_page(setting, 0, lambda: gone.put(None)) as link:
-        page = Served(link, Desk(link, lambda _: None), gone=gone)
+        page = Served(link, Desk(link, lambda _: None, session), gone=gone)
         page.desk.listen(page.commands.put)
         yield page
