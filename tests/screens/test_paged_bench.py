@@ -81,14 +81,10 @@ def watched(desk: Desk) -> Iterator[list[bool]]:
         thread.join()
 
 
-def wait_for(viewer: Client, done: int) -> None:
-    while viewer.state["activity"] != "capturing" or viewer.state["progress"]["done"] < done:
-        viewer.told()
-
-
-def wait_until_shown(viewer: Client, what: str) -> None:
-    while (viewer.state["shown"] or {"what": ""})["what"] != what:
-        viewer.told()
+def captures(viewer: Client, frames: int) -> None:
+    viewer.until(
+        lambda state: state["activity"] == "capturing" and state["progress"]["done"] >= frames
+    )
 
 
 def test_aiming_and_capturing_in_turn_with_one_window(
@@ -97,28 +93,28 @@ def test_aiming_and_capturing_in_turn_with_one_window(
     desk.run("xsetroot", "-solid", "#{:02x}{:02x}{:02x}".format(*DESKTOP))
     assert shows_desktop(desk)
     process, viewer = start(desk, tmp_path, camera.address[1])
-    wait_until_shown(viewer, "black")
+    viewer.shows("black")
     with watched(desk) as seen:
         viewer.ask(do="start")
-        wait_for(viewer, 3)
+        captures(viewer, 3)
         viewer.ask(do="stop")
-        viewer.until("activity", "aiming")
+        viewer.does("aiming")
         assert not desk.projector_screen(desk.photograph()).any()
         viewer.ask(do="show", what="white")
-        wait_until_shown(viewer, "white")
+        viewer.shows("white")
         assert desk.projector_screen(desk.photograph()).all()
         viewer.ask(do="start")
-        wait_for(viewer, 4)
-        viewer.until("activity", "aiming")
+        captures(viewer, 4)
+        viewer.does("aiming")
         viewer.ask(do="start-new")
-        wait_for(viewer, 2)
+        captures(viewer, 2)
         assert viewer.state["session"] == "s-2"
         viewer.ask(do="stop")
-        viewer.until("activity", "aiming")
+        viewer.does("aiming")
     assert len(seen) > 10
     assert not any(seen)
     process.send_signal(signal.SIGTERM)
-    viewer.until("activity", "ended")
+    viewer.does("ended")
     viewer.close()
     output = finish(process)
     assert process.returncode == 0, output

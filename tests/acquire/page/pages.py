@@ -6,7 +6,8 @@ import json
 import queue
 import socket
 import struct
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,8 +84,9 @@ class Client:
 
     def told(self, kind: str = "state") -> dict[str, Any]:
         """The next message of a kind; pictures are put aside."""
+        deadline_s = time.monotonic() + PATIENCE_S
         while True:
-            message = self.connection.recv(PATIENCE_S)
+            message = self.connection.recv(deadline_s - time.monotonic())
             head, files = (
                 unpacked(message) if isinstance(message, bytes) else (json.loads(message), [])
             )
@@ -95,10 +97,27 @@ class Client:
                     self.state = head
                 return head
 
-    def until(self, key: str, value: object) -> dict[str, Any]:
-        while self.state[key] != value:
+    def until(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Wait until the state is as wanted; pictures are asked for meanwhile."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not condition(self.state):
+            assert time.monotonic() < deadline_s, self.state
             self.told()
+            if self.pictures and self.pictures[-1][0]["kind"] == "picture":
+                self.ask(do="ready")
         return self.state
+
+    def does(self, activity: str) -> dict[str, Any]:
+        return self.until(lambda state: state["activity"] == activity)
+
+    def shows(self, what: str) -> dict[str, Any]:
+        return self.until(lambda state: (state["shown"] or {"what": ""})["what"] == what)
+
+    def has_done(self, frames: int) -> dict[str, Any]:
+        return self.until(lambda state: (state["progress"] or {"done": 0})["done"] >= frames)
+
+    def is_told(self, note: str) -> dict[str, Any]:
+        return self.until(lambda state: any(note in one["text"] for one in state["notes"]))
 
     def ask(self, **command: object) -> None:
         self.connection.send(json.dumps(command))

@@ -46,10 +46,6 @@ class Capture:
             f"ws://{address.netloc}{address.path}socket", f"http://{address.netloc}"
         )
 
-    def wait_for(self, count: int) -> None:
-        while (self.viewer.state["progress"] or {"done": 0})["done"] < count:
-            self.viewer.told()
-
     def end(self) -> str:
         output, _ = self.process.communicate(timeout=PATIENCE_S)
         assert "Traceback" not in output
@@ -70,12 +66,12 @@ def test_the_page_rests_and_stops_it_and_the_command_goes_on(
     capture: Capture, tmp_path: Path
 ) -> None:
     viewer = capture.viewer
-    capture.wait_for(2)
+    capture.viewer.has_done(2)
     viewer.ask(do="pause")
-    viewer.until("activity", "paused")
+    viewer.does("paused")
     viewer.ask(do="show", what="white")
     viewer.ask(do="stop")
-    viewer.until("activity", "ended")
+    viewer.does("ended")
     assert any("Not while the plan" in note["text"] for note in viewer.state["notes"])
     assert "goes on from there" in capture.end()
     assert capture.process.returncode == 130
@@ -83,7 +79,7 @@ def test_the_page_rests_and_stops_it_and_the_command_goes_on(
     assert 2 <= len(session.frames) < len(session.plan)
     assert viewer.state["progress"]["done"] == len(session.frames)
     again = Capture(tmp_path)
-    again.viewer.until("activity", "ended")
+    again.viewer.does("ended")
     again.viewer.close()
     again.end()
     assert again.process.returncode == 0
@@ -94,10 +90,8 @@ def test_the_page_rests_and_stops_it_and_the_command_goes_on(
 
 def test_the_pictures_are_the_frames_with_what_they_should_show(capture: Capture) -> None:
     viewer = capture.viewer
-    while not any(head.get("frame") for head, _ in viewer.pictures):
-        viewer.told()
-        viewer.ask(do="ready")
-    viewer.until("activity", "ended")
+    viewer.until(lambda _: any(head.get("frame") for head, _ in viewer.pictures))
+    viewer.does("ended")
     capture.end()
     session = Session.open(capture.session)
     for head, files in viewer.pictures:
@@ -117,7 +111,7 @@ def children(pid: int) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 def test_a_page_that_is_killed_does_not_stop_it(capture: Capture) -> None:
-    capture.wait_for(1)
+    capture.viewer.has_done(1)
     for child in children(capture.process.pid):
         os.kill(child, signal.SIGKILL)
     output = capture.end()
@@ -127,11 +121,11 @@ def test_a_page_that_is_killed_does_not_stop_it(capture: Capture) -> None:
 
 
 def test_a_signal_ends_it_with_the_page_open(capture: Capture) -> None:
-    capture.wait_for(1)
+    capture.viewer.has_done(1)
     capture.process.send_signal(signal.SIGTERM)
     capture.end()
     assert capture.process.returncode == 130
-    capture.viewer.until("activity", "ended")
+    capture.viewer.does("ended")
 
 
 def test_a_page_that_takes_nothing_does_not_hold_the_desk_up() -> None:
@@ -146,10 +140,9 @@ def test_a_page_that_takes_nothing_does_not_hold_the_desk_up() -> None:
                 page.desk.remark(f"note {number}")
         finally:
             os.kill(process, signal.SIGCONT)
-        while not any(note["text"] == "note 299" for note in viewer.state["notes"]):
-            viewer.told()
+        viewer.is_told("note 299")
         page.desk.change(lambda _: Snapshot(Activity.RESTING))
-        viewer.until("activity", "resting")
+        viewer.does("resting")
         viewer.ask(do="aim")
         assert page.commands.get(timeout=PATIENCE_S) == Order(do="aim")
         viewer.close()

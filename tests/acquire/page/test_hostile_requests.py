@@ -224,9 +224,8 @@ def test_the_page_cannot_be_reached_over_the_network(page: Served) -> None:
 
 def test_after_all_this_the_page_still_works(page: Served) -> None:
     client = page.viewer()
-    while client.state["holder"] != client.state["you"]:
-        client.ask(do="take")
-        client.told()
+    client.ask(do="take")
+    client.until(lambda state: state["holder"] == state["you"])
     client.ask(do="show", what="white")
     assert page.commands.get(timeout=PATIENCE_S).do == "show"
     client.close()

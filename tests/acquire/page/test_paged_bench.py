@@ -51,13 +51,10 @@ def working(folder: Path, bench: Bench | None = None) -> Iterator[tuple[Client, 
     assert not work.is_alive()
 
 
-def aims(viewer: Client, note: str = "") -> dict[str, Any]:
-    """Wait until the bench aims and something was said."""
-    while viewer.state["activity"] != "aiming" or not any(
-        note in one["text"] for one in viewer.state["notes"] or [{"text": ""}]
-    ):
-        viewer.told()
-    return viewer.state
+def aims(viewer: Client, note: str) -> dict[str, Any]:
+    """Wait until something was said and the bench aims."""
+    viewer.is_told(note)
+    return viewer.does("aiming")
 
 
 def test_what_was_captured_before_is_known_and_gone_on_with(tmp_path: Path) -> None:
@@ -65,19 +62,15 @@ def test_what_was_captured_before_is_known_and_gone_on_with(tmp_path: Path) -> N
     captured(tmp_path / "s", notes=notes)
     captured(tmp_path / "whole")
     with working(tmp_path / "s") as (viewer, terminal):
-        assert aims(viewer)["progress"]["done"] == 7
-        while not any((head.get("frame") or {}).get("step") == 6 for head, _ in viewer.pictures):
-            viewer.told()
-            viewer.ask(do="ready")
+        assert viewer.does("aiming")["progress"]["done"] == 7
         viewer.ask(do="look", source="exposures")
-        while viewer.state["camera"]["read_back"] is None:
-            viewer.told()
+        viewer.until(lambda state: state["camera"]["source"] == "exposures")
+        viewer.until(lambda state: state["camera"]["read_back"] is not None)
         viewer.ask(do="start")
         state = aims(viewer, "complete")
         assert state["progress"]["done"] == state["progress"]["total"]
         viewer.ask(do="show", what="white")
-        while (viewer.state["shown"] or {})["what"] != "white":
-            viewer.told()
+        viewer.shows("white")
         viewer.ask(do="start-new")
         aims(viewer, "s-2")
         assert viewer.state["session"] == "s-2"
@@ -89,16 +82,14 @@ def test_what_was_captured_before_is_known_and_gone_on_with(tmp_path: Path) -> N
 
 def test_a_second_start_does_not_begin_again_what_was_stopped(tmp_path: Path) -> None:
     with working(tmp_path / "s", small_bench(real_time=True)) as (viewer, terminal):
-        aims(viewer)
+        viewer.does("aiming")
         viewer.ask(do="start")
         viewer.ask(do="start")
-        while (viewer.state["progress"] or {"done": 0})["done"] < 2:
-            viewer.told()
+        viewer.has_done(2)
         viewer.ask(do="stop")
         aims(viewer, "stopped")
         viewer.ask(do="show", what="white")
-        while (viewer.state["shown"] or {"what": ""})["what"] != "white":
-            viewer.told()
+        viewer.shows("white")
     assert len(terminal.stages) == 1
 
 
@@ -111,9 +102,9 @@ def test_a_camera_that_fails_lets_the_devices_go_until_the_bench_is_opened(tmp_p
 
     bench = with_faults(small_bench(), Faults(failing=failing))
     with working(tmp_path / "s", bench) as (viewer, _):
-        aims(viewer)
+        viewer.does("aiming")
         viewer.ask(do="start")
-        viewer.until("activity", "resting")
+        viewer.does("resting")
         assert any("no camera" in note["text"] for note in viewer.state["notes"])
         viewer.ask(do="show", what="white")
         viewer.ask(do="aim")
@@ -127,20 +118,19 @@ def test_a_camera_that_fails_lets_the_devices_go_until_the_bench_is_opened(tmp_p
 def test_frames_that_fail_their_proof_end_the_capture_and_not_the_aiming(tmp_path: Path) -> None:
     bench = with_faults(small_bench(), Faults(dark=lambda number: number > 4))
     with working(tmp_path / "s", bench) as (viewer, _):
-        aims(viewer)
+        viewer.does("aiming")
         viewer.ask(do="start")
         aims(viewer, "no light of the projector")
         viewer.ask(do="start-new")
-        while viewer.state["session"] != "s-2":
-            viewer.told()
-        aims(viewer, "no light of the projector")
+        viewer.until(lambda state: state["session"] == "s-2")
+        viewer.does("aiming")
 
 
 def test_a_session_of_another_plan_is_not_touched(tmp_path: Path) -> None:
     captured(tmp_path / "s", small_plan("[pattern]\npitch_px = [8]\nshifts = [4, 2]\n"))
     before = recorded_bytes(tmp_path / "s")
     with working(tmp_path / "s") as (viewer, _):
-        aims(viewer)
+        viewer.does("aiming")
         viewer.ask(do="start")
         aims(viewer, "another plan")
         assert recorded_bytes(tmp_path / "s") == before
