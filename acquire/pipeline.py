@@ -25,12 +25,13 @@ from acquire.methods import (
 )
 from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
 from acquire.profile_use import Profiles
-from acquire.proof import proof_of, proven
+from acquire.proof import keep_portraits, proof_of, proven
 from acquire.references import read_references
 from acquire.result import (
     RECORD,
     Caution,
     PixelClass,
+    ProofRecord,
     Result,
     ResultRecord,
     SessionSummary,
@@ -69,6 +70,7 @@ OWN_NAMES = {
     "mask.tiff",
     "report.html",
     "deviations",
+    "proof",
     HARMONICS,
     PARKED,
 }
@@ -193,6 +195,7 @@ def process(
     finally:
         method.close()
         shutil.rmtree(folder / PARKED, ignore_errors=True)
+    proof = _proof(session, folder, observer)
     found = (*cautions(session, separated), *_interpolation(stack, options), *remark)
     used: dict[str, JsonValue] = {
         "method": name,
@@ -201,10 +204,21 @@ def process(
     if profiles.uses:
         used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
     record = _record(session, separated, components, asdict(options) | used, found).model_copy(
-        update={"frame_noise": noise, "profiles": profiles.summaries}
+        update={"frame_noise": noise, "profiles": profiles.summaries, "proof": proof}
     )
     _write(folder, separated, components, record)
     return Result(folder, record)
+
+
+def _proof(session: Session, folder: Path, observer: Observer) -> ProofRecord | None:
+    """What was found about the frames, with pictures of the worst."""
+    proof = proof_of(session)
+    if proof is None:
+        return None
+    worst = keep_portraits(
+        session, folder, lambda total: observer.stage("looking back", total), observer.advance
+    )
+    return proof.model_copy(update={"worst": worst})
 
 
 def _method_name(session: Session, options: Options) -> tuple[str, tuple[Caution, ...]]:
@@ -260,7 +274,7 @@ def _prepare(folder: Path, session_folder: Path) -> None:
         )
     with storage(folder):
         (folder / RECORD).unlink(missing_ok=True)
-        for name in ("components", "deviations", "pitches", PARKED):
+        for name in ("components", "deviations", "pitches", "proof", PARKED):
             if (folder / name).is_symlink():
                 (folder / name).unlink()
             shutil.rmtree(folder / name, ignore_errors=True)
@@ -308,7 +322,6 @@ def _record(
         deviations=bool(components.deviations),
         warnings=(*notes, *(caution.text for caution in found), *components.warnings),
         cautions=found,
-        proof=proof_of(session),
         drift=separated.references.record,
         plan_sha256=session.plan.sha256,
         session=SessionSummary(

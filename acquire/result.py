@@ -8,6 +8,8 @@
     pitches/deviation-0008.tiff     its standard error, where the noise is known
     white.tiff                      the scene under white light less the black reference
     mask.tiff                       uint8: 0 measured, 1 saturated, 2 unlit
+    proof/measured-000123-0.tiff    a frame that looked bad, and proof/predicted-…, what it should
+                                    show: step and attempt, averaged down, where frames were judged
     report.html                     the page that shows it all
 
 Saturated pixels are NaN in every float image, unlit ones 0.
@@ -42,6 +44,7 @@ MAX_JSON_BYTES = 64 << 20
 Scalar = TypeVar("Scalar", np.float32, np.uint8)
 Side = Annotated[int, Field(ge=1, le=65_535)]
 ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
+ProofPath = Annotated[str, Field(pattern=r"^proof/[a-z0-9-]{1,60}\.tiff$")]
 ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
 
 Sentences = Annotated[str, Field(pattern=r"(?s)^\S.*[.]$")]
@@ -62,7 +65,8 @@ class PitchRecord(StrictModel):
     white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
     take no part in the decomposition. `corrected` is direct light freed from the bias of noise,
     `deviation` its standard error; None where the noise is unknown. `proven`: how many of
-    its frames were found to show their own pattern; None where they were not judged.
+    its frames were found to show their own pattern; `residual`: the largest part of the contrast
+    that the prediction of one of them leaves; None where they were not judged.
     """
 
     family: Family
@@ -73,6 +77,7 @@ class PitchRecord(StrictModel):
     corrected: ImagePath | None = None
     deviation: ImagePath | None = None
     proven: int | None = None
+    residual: float | None = None
     additivity_error: float | None = None
     direct_peak: float | None = None
     resolved: bool = True
@@ -114,6 +119,44 @@ class Caution(StrictModel):
         return f"{self.what} {self.meaning} {self.remedy}"
 
 
+class PortraitRecord(StrictModel):
+    """A frame that looked bad, beside what it should show; see `acquire.proof.portraits`.
+
+    Parameters
+    ----------
+    step, attempt, pattern
+        Which exposure it is, and of what.
+    verdict, is_right
+        What the proof found, as a predicate, and whether the frame shows its pattern.
+    how, holds
+        What the prediction was made from, in words, and the part of the contrast that it holds.
+    miss
+        Root mean square of frame less prediction, in parts of white.
+    white
+        Level of white less black, fraction of full scale.
+    light, residual, additivity
+        As in ``proof.jsonl``.
+    measured, predicted
+        float32 TIFFs, (height, width, 3) with `shape`, NaN where saturated.
+    """
+
+    step: int
+    attempt: int
+    pattern: str
+    verdict: str
+    is_right: bool
+    how: str
+    holds: float | None
+    miss: float | None
+    white: float | None
+    light: float | None
+    residual: float | None
+    additivity: float | None
+    measured: ProofPath
+    predicted: ProofPath | None
+    shape: tuple[Side, Side]
+
+
 class ProofRecord(StrictModel):
     """What the frames that count were found to show, as `acquire.proof` judged them at capture.
 
@@ -126,6 +169,10 @@ class ProofRecord(StrictModel):
         references; null where it could not be had.
     additivity
         Pattern and complement against white and black, relative, of each judged frame.
+    moved_px
+        How far each is from the first white frame, in camera pixels.
+    worst
+        Pictures of the worst frames.
     """
 
     judged: int
@@ -134,6 +181,8 @@ class ProofRecord(StrictModel):
     retaken: int
     light: tuple[float | None, ...] = ()
     additivity: tuple[float | None, ...] = ()
+    moved_px: tuple[float | None, ...] = ()
+    worst: tuple[PortraitRecord, ...] = ()
 
 
 class DriftRecord(StrictModel):
@@ -256,6 +305,10 @@ class Result:
     def pitch_image(self, path: str) -> NDArray[np.float32]:
         """A direct or global image named in the record, (height, width, 3)."""
         return self._image(path)
+
+    def portrait(self, path: str, shape: tuple[int, int]) -> NDArray[np.float32]:
+        """A frame or its prediction, (height, width, 3), named in the record of the proof."""
+        return read_tiff(self.folder / path, (*shape, 3), np.float32)
 
     def component_view(self, name: str) -> NDArray[np.float32]:
         """One component as it lies on the disk, (height, width, 3)."""

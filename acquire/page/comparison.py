@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from acquire.page.darkroom import png, srgb_codes
-from acquire.page.expectation import Expected, Small
+from acquire.page.darkroom import CLIPPED, Negative, png, srgb_codes
+from acquire.proof.expectation import Expected, Small, reduced
 
 # Difference that takes the full colour, as a fraction of the light of white.
 SPAN = 0.2
@@ -26,7 +26,7 @@ class Comparison:
     Parameters
     ----------
     how, holds
-        As of `acquire.page.expectation.Expected`.
+        As of `acquire.proof.expectation.Expected`.
     size
         (width, height) of the files.
     prediction
@@ -45,6 +45,11 @@ class Comparison:
     difference: bytes = b""
     rms: float | None = None
     mean: float | None = None
+
+
+def small(picture: Negative) -> Small:
+    """A picture of the size at which frames are compared."""
+    return reduced(picture.values, picture.marks == CLIPPED)
 
 
 def compared(frame: Small, expected: Expected) -> Comparison:

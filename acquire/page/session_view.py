@@ -6,12 +6,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from acquire.page.comparison import Comparison, compared
+from acquire.page.comparison import Comparison, compared, small
 from acquire.page.darkroom import Negative
-from acquire.page.expectation import Expectation, Places, small
 from acquire.page.session_tail import SessionTail
 from acquire.page.state import Setting
 from acquire.profile_file import read_maps, read_profile
+from acquire.proof.expectation import Expectation, Places
 from acquire.session import FrameRecord
 
 
@@ -64,15 +64,16 @@ class SessionView:
                 plan,
                 self._setting.projector_px,
                 self._tail.frames,
-                self._tail.picture,
+                lambda line: small(self._tail.picture(line)),
                 _places(self._setting),
             )
         picture = self._tail.picture(record)
-        expected = self._expectation.of(record, picture)
+        reduced = small(picture)
+        expected = self._expectation.of(record, reduced)
         about = record.model_dump(mode="json", exclude={"file"})
         light = {"measured": expected.light, "expected": expected.expected_light}
         seen = {"light": light, "proofs": asdict(self._tail.proofs())}
-        return LastFrame(picture, about | seen, compared(small(picture), expected))
+        return LastFrame(picture, about | seen, compared(reduced, expected))
 
 
 def _places(setting: Setting) -> Places | None:

@@ -7,6 +7,7 @@ whatever interrupted the capture.
 """
 
 from acquire.proof.examination import Examination
+from acquire.proof.portraits import keep_portraits
 from acquire.proof.prover import Prover
 from acquire.proof.recorded import examine, verdict
 from acquire.proof.records import FrameProof, read_proofs
@@ -21,6 +22,7 @@ __all__ = [
     "Prover",
     "Unit",
     "examine",
+    "keep_portraits",
     "proof_of",
     "proven",
     "read_proofs",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from acquire.proof.records import FrameProof, read_proofs
@@ -22,24 +23,35 @@ def proof_of(session: Session) -> ProofRecord | None:
         retaken=len(session.lines) - len(session.frames),
         light=tuple(proof.light for proof in proofs.values()),
         additivity=tuple(proof.additivity for proof in proofs.values()),
+        moved_px=tuple(
+            None if proof.moved_px is None else round(math.hypot(*proof.moved_px), 3)
+            for proof in proofs.values()
+        ),
     )
 
 
 def proven(session: Session, pitches: Sequence[PitchRecord]) -> tuple[PitchRecord, ...]:
-    """The pitches, each with the number of its frames that show their own pattern."""
+    """The pitches, each with what was found about its frames."""
     proofs = _that_count(session)
     if not proofs:
         return tuple(pitches)
-    counts: dict[tuple[str, int], int] = {}
+    own: dict[tuple[str, int], list[FrameProof]] = {}
     for frame in session.frames:
         proof = proofs.get(frame.step)
-        if proof is not None and proof.finding is Finding.OWN:
-            key = frame.pattern.family, frame.pattern.pitch_px
-            counts[key] = counts.get(key, 0) + 1
+        if proof is not None:
+            own.setdefault((frame.pattern.family, frame.pattern.pitch_px), []).append(proof)
     return tuple(
-        pitch.model_copy(update={"proven": counts.get((pitch.family, pitch.pitch_px), 0)})
+        pitch.model_copy(update=_figures(own.get((pitch.family, pitch.pitch_px), [])))
         for pitch in pitches
     )
+
+
+def _figures(proofs: Sequence[FrameProof]) -> dict[str, object]:
+    residuals = [proof.residual for proof in proofs if proof.residual is not None]
+    return {
+        "proven": sum(proof.finding is Finding.OWN for proof in proofs),
+        "residual": max(residuals, default=None),
+    }
 
 
 def _that_count(session: Session) -> dict[int, FrameProof]:

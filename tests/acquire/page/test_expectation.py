@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from acquire.page.comparison import compared
+from acquire.page.comparison import compared, small
 from acquire.page.darkroom import CLIPPED, Negative, negative
-from acquire.page.expectation import Expectation, Expected, Places, small
 from acquire.page.session_tail import SessionTail
+from acquire.proof.expectation import Expectation, Expected, Places, Small
 from acquire.session import FrameRecord, Session
 from drivers.sim.devices import SimulationConfig, build
 from processing.patterns import Family, Pattern
@@ -56,8 +56,12 @@ def expected(
     }
     picture = tail.picture(tail.frames[step if seen_as is None else seen_as])
     plan = Session.open(folder).plan
-    expectation = Expectation(plan, PROJECTOR_PX, known, tail.picture, places)
-    return expectation.of(tail.frames[step], picture), picture
+
+    def develop(line: FrameRecord) -> Small:
+        return small(tail.picture(line))
+
+    expectation = Expectation(plan, PROJECTOR_PX, known, develop, places)
+    return expectation.of(tail.frames[step], small(picture)), picture
 
 
 def missed(found: Expected, picture: Negative) -> NDArray[np.float32]:
@@ -177,7 +181,7 @@ def test_saturated_places_are_not_compared(folder: Path) -> None:
 def test_the_covariance_is_that_of_the_codes(texts: list[str]) -> None:
     plan = small_plan().model_copy(update={"patterns": tuple(map(Pattern.parse, texts))})
 
-    def never(_: FrameRecord) -> Negative:
+    def never(_: FrameRecord) -> Small:
         raise AssertionError
 
     found = Expectation(plan, (96, 128), {}, never)._covariance(list(range(len(texts))))

@@ -19,9 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from acquire.page.darkroom import CLIPPED, Negative
 from acquire.plan import Plan
-from acquire.proof import Unit, units_of
+from acquire.proof.units import Unit, units_of
 from acquire.session import FrameRecord
 from processing.patterns import Family, Pattern
 from processing.prediction import COMPLEMENT, code_covariance, weights_for
@@ -49,10 +48,13 @@ class Small:
         float32, (height, width, 3), linear, fraction of the sensor's range.
     usable
         bool, (height, width): nothing in it is saturated.
+    whole_px
+        (height, width) before it was reduced.
     """
 
     values: Image
     usable: Mask
+    whole_px: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,17 +85,26 @@ class Expected:
     expected_light: float = 0.0
 
 
-def small(picture: Negative) -> Small:
-    """Reduce a picture by a whole or broken factor, the same on both sides."""
-    height, width = picture.marks.shape
-    factor = max(height, width) / SIDE_PX
-    clipped = picture.marks == CLIPPED
+def reduced(values: Image, saturated: Mask, side_px: int = SIDE_PX) -> Small:
+    """Reduce a picture by a whole or broken factor, the same on both sides.
+
+    Parameters
+    ----------
+    values
+        float32, (height, width, 3), linear.
+    saturated
+        bool, (height, width).
+    side_px
+        What the longer side may have.
+    """
+    height, width = saturated.shape
+    factor = max(height, width) / side_px
     if factor <= 1:
-        return Small(picture.values, ~clipped)
+        return Small(values, ~saturated, (height, width))
     size = max(round(width / factor), 1), max(round(height / factor), 1)
-    share = cv2.resize(clipped.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    values = cv2.resize(picture.values, size, interpolation=cv2.INTER_AREA)
-    return Small(np.asarray(values, np.float32), share == 0)
+    share = cv2.resize(saturated.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    smaller = cv2.resize(values, size, interpolation=cv2.INTER_AREA)
+    return Small(np.asarray(smaller, np.float32), share == 0, (height, width))
 
 
 class Expectation:
@@ -108,7 +119,7 @@ class Expectation:
     frames
         The line that counts for each step so far; grows while the session does.
     develop
-        Decodes the file of a line.
+        Decodes the file of a line, and reduces it.
     places
         Columns and rows of the projector that the camera's pixels see, (height, width) each, NaN
         where none is known; None without a geometry profile.
@@ -119,21 +130,19 @@ class Expectation:
         plan: Plan,
         projector_px: tuple[int, int],
         frames: dict[int, FrameRecord],
-        develop: Callable[[FrameRecord], Negative],
+        develop: Callable[[FrameRecord], Small],
         places: Places | None = None,
     ) -> None:
         self._plan, self._projector_px, self._frames = plan, projector_px, frames
         self._develop, self._places = develop, places
         self._held: OrderedDict[str, Small] = OrderedDict()
-        self._picture_px: tuple[int, ...] = ()
         self._units = {
             step: unit for unit in units_of(plan) if not unit.are_references for step in unit.steps
         }
 
-    def of(self, record: FrameRecord, picture: Negative) -> Expected:
+    def of(self, record: FrameRecord, picture: Small) -> Expected:
         """What the frame of a line should show, whatever it does show."""
-        self._hold(record, small(picture))
-        self._picture_px = picture.marks.shape
+        self._hold(record, picture)
         white, black = self._reference(Family.WHITE, record), self._reference(Family.BLACK, record)
         found = self._predicted(record, white, black)
         if white is None or black is None:
@@ -210,14 +219,14 @@ class Expectation:
             usable &= other.usable
         named = ", ".join(str(step) for step in sorted(steps[k - 1] for k in used))
         what = f"its complement, step {named}" if exact else f"step {named}, like it but shifted"
-        return Expected(f"white, black and {what}", Small(values, usable), holds)
+        return Expected(f"white, black and {what}", Small(values, usable, light.whole_px), holds)
 
     def _drawn(
         self, record: FrameRecord, white: FrameRecord, black: FrameRecord
     ) -> Expected | None:
         """Direct light only, sharp, by the geometry; None where that does not fit the camera."""
         light, dark = self._small(white), self._small(black)
-        if self._places is None or self._places[0].shape != self._picture_px:
+        if self._places is None or self._places[0].shape != light.whole_px:
             return None
         code = _seen(record.pattern.code(self._projector_px), *self._places)
         height, width = light.usable.shape
@@ -228,7 +237,7 @@ class Expectation:
         values[~np.isfinite(reduced)] = 0
         return Expected(
             "white, black and the geometry profile: as if all light were direct",
-            Small(np.asarray(values, np.float32), usable),
+            Small(np.asarray(values, np.float32), usable, light.whole_px),
         )
 
     def _covariance(self, steps: list[int]) -> NDArray[np.float64]:
@@ -258,7 +267,7 @@ class Expectation:
 
     def _small(self, record: FrameRecord) -> Small:
         if record.file not in self._held:
-            self._hold(record, small(self._develop(record)))
+            self._hold(record, self._develop(record))
         self._held.move_to_end(record.file)
         return self._held[record.file]
 
