@@ -31,6 +31,7 @@ from acquire.report.plates import (
     spread_pitches,
     white_plate,
 )
+from acquire.report.portraits import PortraitPlate, portrait_plates
 from acquire.report.run_drawing import drift_drawing, run_drawing
 from acquire.result import Caution, Result, ResultRecord
 
@@ -82,6 +83,7 @@ class Content:
     components: tuple[ComponentPlate, ...]
     pitches: tuple[PitchPlate, ...]
     mask: MaskPlate
+    portraits: tuple[PortraitPlate, ...]
     live: Live
     presets: tuple[Preset, ...]
     key: tuple[str, str, str]
@@ -118,6 +120,7 @@ def content_of(result: Result) -> Content:
         ),
         pitches=pitches,
         mask=mask_plate(result, white.gain),
+        portraits=portrait_plates(result),
         live=live_of(result, white.gain),
         presets=presets(record.components),
         key=RGB_LINES,

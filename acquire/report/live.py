@@ -141,6 +141,7 @@ def _facts(record: ResultRecord, fine: int, coarse: int) -> dict[str, JsonValue]
                 "px": pitch.pitch_px,
                 "family": pitch.family.value,
                 "label": pitch_label(pitch, families),
+                "whole": pitch.proven is None or pitch.whole,
             }
             for pitch in record.pitches
         ],

@@ -14,26 +14,32 @@ from numpy.typing import NDArray
 from acquire.report.figures import FAINT, PALETTE, RGB_LINES, STYLE, Drawing, drawn, svg
 from acquire.result import DriftRecord, ProofRecord
 
-SMALLEST_PERCENT = 0.5
+SMALLEST_PERCENT, SMALLEST_PX = 0.5, 0.1
 
 
 def run_drawing(proof: ProofRecord) -> Drawing | None:
-    """Light and additivity of every frame in the order of the run; None without any figure."""
+    """Light, additivity and movement of every frame in the order of the run; None without any."""
     light = _percent(proof.light) - 100
     sums = _percent(proof.additivity)
-    if not (np.isfinite(light).any() or np.isfinite(sums).any()):
+    moved = _percent(proof.moved_px) / 100
+    rows = [("light − first, %", light, PALETTE[0], SMALLEST_PERCENT)]
+    rows += [("sum − white, %", sums, PALETTE[4], SMALLEST_PERCENT)]
+    rows += [("moved, camera px", moved, PALETTE[2], SMALLEST_PX)]
+    shown = [row for row in rows if np.isfinite(row[1]).any()]
+    if not shown:
         return None
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.7, 3.6), layout="constrained")
-        above, below = figure.subplots(2, 1, sharex=True)
-        _draw(above, light, PALETTE[0], "light, % of first")
-        _draw(below, sums, PALETTE[4], "sum − white, %")
-        below.set_xlabel("frame, in the order of the run")
-    return Drawing(
-        svg(figure),
-        f"Light of {np.isfinite(light).sum()} frames in the order of the run, {_span(light)}; "
-        f"patterns and complements miss white by {_span(sums)}.",
-    )
+        figure = Figure(figsize=(8.6, 0.6 + 1.3 * len(shown)), layout="constrained")
+        axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for place, (label, values, colour, least) in zip(axes, shown, strict=True):
+            _draw(place, values, colour, label, least)
+        axes[-1].set_xlabel("frame, in the order of the run")
+        figure.align_ylabels(axes)
+    said = f"Light of {np.isfinite(light).sum()} frames in the order of the run, {_span(light)}; "
+    said += f"patterns and complements miss white by {_span(sums)}"
+    if np.isfinite(moved).any():
+        said += f"; the picture moved by up to {np.nanmax(moved):.2f} camera pixels"
+    return Drawing(svg(figure), f"{said}.")
 
 
 def drift_drawing(drift: DriftRecord) -> Drawing | None:
@@ -60,11 +66,13 @@ def _percent(values: Sequence[float | None]) -> NDArray[np.float64]:
     return 100 * np.array([math.nan if value is None else value for value in values], float)
 
 
-def _draw(axes: Axes, percent: NDArray[np.float64], colour: str, label: str) -> None:
+def _draw(axes: Axes, values: NDArray[np.float64], colour: str, label: str, least: float) -> None:
+    """Points around 0 or, of what is never negative, above it; at least `least` is shown."""
     axes.axhline(0, color=FAINT, linewidth=0.8)
-    axes.plot(np.arange(percent.size), percent, ".", c=colour, ms=3)
-    largest = np.max(np.abs(percent), where=np.isfinite(percent), initial=SMALLEST_PERCENT)
-    axes.set_ylim(-1.15 * largest, 1.15 * largest)
+    axes.plot(np.arange(values.size), values, ".", c=colour, ms=3)
+    largest = np.max(np.abs(values), where=np.isfinite(values), initial=least)
+    negative = bool(np.any(values < 0)) or "−" in label
+    axes.set_ylim(-1.15 * largest if negative else -0.1 * largest, 1.15 * largest)
     axes.set_ylabel(label)
     axes.grid(axis="y")
 

@@ -233,7 +233,7 @@ def test_proof_is_counted_and_drawn(tmp_path: Path) -> None:
     record = result.record.model_copy(update={"proof": proof, "pitches": pitches})
     page = page_of(Result(result.folder, record))
     assert "107 show their own pattern, 1 do not, 2 are too faint to be told; 5 were" in page.text
-    assert "105 of 108; not all at 16 px (35 of 36), 32 px (34 of 36)." in page.text
+    assert "105 of 108; not all at 16 px (35 of 36), 32 px (34 of 36); hollow" in page.text
     (alt,) = (alt for alt in page.images if alt.startswith("Light of 2 frames"))
     assert "+0.00 % to +1.00 %" in alt
     assert "white by -2.00 % to -2.00 %" in alt

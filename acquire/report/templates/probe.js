@@ -157,7 +157,7 @@ function drawPlot(svg, lines, errors) {
   const smallest = Math.min(0, ...lines.flat().map((v, i) => v - bars[i]));
   const x = (px) => left + 8 + ((right - left - 16) * (px - low)) / Math.max(high - low, 1);
   const y = (value) => bottom - ((bottom - top) * (value - smallest)) / (largest - smallest);
-  for (const value of [smallest, 0, largest / 2, largest]) {
+  for (const value of new Set([smallest, 0, largest / 2, largest])) {
     node(svg, "line", { x1: left, x2: right, y1: y(value), y2: y(value), class: "grid" });
     node(svg, "text", { x: left - 5, y: y(value) + 4, "text-anchor": "end" },
       value === 0 ? "0" : value.toPrecision(2).replace("-", "−"));
@@ -185,7 +185,10 @@ function drawLine(svg, line, errors, x, y, c) {
     node(svg, "polyline", { ...paint, points, "stroke-dasharray": DASHES[c] });
   }
   line.forEach((value, k) => {
-    node(svg, "circle", { cx: x(pitches[k]), cy: y(value), r: 2, fill: facts.colours[c] });
+    const dot = { cx: x(pitches[k]), cy: y(value), fill: facts.colours[c] };
+    // Hollow: not all of its frames were proven.
+    if (facts.pitches[k].whole) node(svg, "circle", { ...dot, r: 2 });
+    else node(svg, "circle", { ...dot, r: 3.5, fill: "#ffffff", stroke: facts.colours[c], class: "unproven" });
     if (errors === undefined) return;
     const [x1, y1, y2] = [x(pitches[k]), y(value - errors[k]), y(value + errors[k])];
     node(svg, "line", { ...paint, x1, x2: x1, y1, y2, class: "error" });
