@@ -170,11 +170,7 @@ def process(
     method = _method(name, session, folder, options, profiles)
     try:
         observer.stage("separating", len(stack))
-        gatherer = None
-        if cluster is not None:
-            task = (session, folder, options.demosaic, options.leak)
-            heard = method.pitch if method.wants_harmonics else None
-            gatherer = RemoteGatherer(cluster, *task, heard, observer.advance)
+        gatherer = _gatherer(cluster, session, folder, options, method, observer)
         references = read_references(
             session, stack, observer.advance, correct_drift=options.drift_correction
         )
@@ -195,7 +191,6 @@ def process(
     finally:
         method.close()
         shutil.rmtree(folder / PARKED, ignore_errors=True)
-    proof = _proof(session, folder, observer)
     found = (*cautions(session, separated), *_interpolation(stack, options), *remark)
     used: dict[str, JsonValue] = {
         "method": name,
@@ -203,11 +198,28 @@ def process(
     }
     if profiles.uses:
         used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
-    record = _record(session, separated, components, asdict(options) | used, found).model_copy(
-        update={"frame_noise": noise, "profiles": profiles.summaries, "proof": proof}
-    )
+    proof = _proof(session, folder, observer)
+    about = {"frame_noise": noise, "profiles": profiles.summaries, "proof": proof}
+    record = _record(session, separated, components, asdict(options) | used, found)
+    record = record.model_copy(update=about)
     _write(folder, separated, components, record)
     return Result(folder, record)
+
+
+def _gatherer(
+    cluster: Cluster | None,
+    session: Session,
+    folder: Path,
+    options: Options,
+    method: Method,
+    observer: Observer,
+) -> RemoteGatherer | None:
+    """Who gathers the pitches; None for this process."""
+    if cluster is None:
+        return None
+    heard = method.pitch if method.wants_harmonics else None
+    task = (session, folder, options.demosaic, options.leak)
+    return RemoteGatherer(cluster, *task, heard, observer.advance)
 
 
 def _proof(session: Session, folder: Path, observer: Observer) -> ProofRecord | None:
