@@ -98,17 +98,17 @@ class FolderCamera:
 
     def _arrivals(self, known: set[Path]) -> list[Path]:
         """New files once nothing changes any more."""
-        deadline_s = self._clock.now() + self._arrival_limit_s
-        changed_s = self._clock.now()
+        deadline_s = self._clock.monotonic() + self._arrival_limit_s
+        changed_s = self._clock.monotonic()
         last: Sizes = {}
         while True:
             new = {path: size for path, size in self._sizes().items() if path not in known}
             if new != last:
-                changed_s, last = self._clock.now(), new
-            waited_s = self._clock.now() - changed_s
+                changed_s, last = self._clock.monotonic(), new
+            waited_s = self._clock.monotonic() - changed_s
             if any(size for size, _ in new.values()) and waited_s >= self._quiet_s:
                 return sorted(new)
-            if self._clock.now() >= deadline_s and waited_s >= self._quiet_s:
+            if self._clock.monotonic() >= deadline_s and waited_s >= self._quiet_s:
                 raise CameraTimeoutError(
                     f"No file came into {self._folder} within {self._arrival_limit_s:g} s after "
                     "the trigger. Is the camera awake and its autofocus off, is the release cable "

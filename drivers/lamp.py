@@ -114,9 +114,9 @@ class LampControl:
 
     def _reach(self, wanted: LampState, limit_s: float) -> None:
         resting = LampState.OFF if wanted is LampState.ON else LampState.ON
-        deadline_s = self._clock.now() + limit_s
+        deadline_s = self._clock.monotonic() + limit_s
         while (state := self.state()) is not wanted:
-            if self._clock.now() >= deadline_s:
+            if self._clock.monotonic() >= deadline_s:
                 raise ProjectorError(
                     f"The projector's lamp is still {state} after {limit_s:.0f} s; it was to be "
                     f"{wanted}. Look at its lamp and temperature lights and at its lamp hours."
@@ -142,10 +142,10 @@ class LampControl:
 
     def _insist(self, request: bytes) -> LampState | Verdict:
         """The answer once the projector is no longer busy."""
-        deadline_s = self._clock.now() + self._timing.on_limit_s
+        deadline_s = self._clock.monotonic() + self._timing.on_limit_s
         while True:
             answer = self._ask(request)
-            if answer is not Verdict.BUSY or self._clock.now() >= deadline_s:
+            if answer is not Verdict.BUSY or self._clock.monotonic() >= deadline_s:
                 return answer
             self._clock.sleep(self._timing.poll_s)
 

@@ -94,9 +94,9 @@ class WindowProjector:
         self._failure = self._failure or "The projector's window is closed; open it again."
 
     def _wait(self, duration_s: float | None, stop: threading.Event | None) -> None:
-        end_s = None if duration_s is None else self._clock.now() + duration_s
+        end_s = None if duration_s is None else self._clock.monotonic() + duration_s
         while stop is None or not stop.is_set():
-            remaining_s = LOOK_S if end_s is None else end_s - self._clock.now()
+            remaining_s = LOOK_S if end_s is None else end_s - self._clock.monotonic()
             if remaining_s <= 0:
                 return
             self._clock.sleep(min(remaining_s, LOOK_S))

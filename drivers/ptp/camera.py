@@ -148,13 +148,13 @@ class PtpCamera:
         """Look once more for a camera that was gone, for as long as plugging it in takes."""
         self._session.close()
         self._is_gone = True
-        deadline_s = self._clock.now() + REOPEN_WITHIN_S
+        deadline_s = self._clock.monotonic() + REOPEN_WITHIN_S
         while self._is_gone:
             self._clock.sleep(REOPEN_PAUSE_S)
             try:
                 self._open()
             except CameraError as error:
-                if self._clock.now() >= deadline_s:
+                if self._clock.monotonic() >= deadline_s:
                     raise CameraError(
                         f"the camera is gone and did not come back ({error}); every frame before "
                         "this one is safe: make the camera ready and start the capture again"

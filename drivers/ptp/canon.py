@@ -181,8 +181,8 @@ class CanonBody:
     def _confirm(self, code: int, value: bytes, name: str) -> None:
         """Set a property and wait for the record that says so."""
         self._set(code, value)
-        deadline_s = self._session.clock.now() + READ_BACK_S
-        while self._session.clock.now() < deadline_s:
+        deadline_s = self._session.clock.monotonic() + READ_BACK_S
+        while self._session.clock.monotonic() < deadline_s:
             self._drain()
             if self._values.get(code, b"").startswith(value):
                 return

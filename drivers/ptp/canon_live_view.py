@@ -38,8 +38,8 @@ def _send_to(session: PtpSession, output: int) -> None:
 
 
 def _frame(session: PtpSession) -> bytes:
-    deadline_s = session.clock.now() + FRAME_TIMEOUT_S
-    while session.clock.now() < deadline_s:
+    deadline_s = session.clock.monotonic() + FRAME_TIMEOUT_S
+    while session.clock.monotonic() < deadline_s:
         session.ask(CanonOperation.GET_EVENT, accept=BUSY)  # unread events stop the live view
         reply = session.ask(
             CanonOperation.GET_VIEWFINDER_DATA, LARGEST_BYTES, 0, 0, patience_s=0.0, accept=BUSY

@@ -68,8 +68,8 @@ def _start(session: PtpSession) -> None:
 def _frame(session: PtpSession) -> bytes:
     """The next frame; a live view that the camera has ended itself is started again."""
     not_on = ResponseCode.NIKON_NOT_LIVE_VIEW
-    deadline_s = session.clock.now() + FRAME_TIMEOUT_S
-    while session.clock.now() < deadline_s:
+    deadline_s = session.clock.monotonic() + FRAME_TIMEOUT_S
+    while session.clock.monotonic() < deadline_s:
         reply = session.ask(
             NikonOperation.GET_LIVE_VIEW_IMAGE, patience_s=0.0, accept=(not_on, *BUSY)
         )

@@ -164,12 +164,12 @@ class PtpSession:
         accept
             Answers other than OK that are none the worse; `PtpRefusedError` on all others.
         """
-        deadline_s = self.clock.now() + patience_s
+        deadline_s = self.clock.monotonic() + patience_s
         while True:
             reply = self._transact_again(Request(code, parameters, data), timeout_s, into)
             if reply.code == ResponseCode.OK or reply.code in accept:
                 return reply
-            if reply.code not in BUSY or self.clock.now() >= deadline_s:
+            if reply.code not in BUSY or self.clock.monotonic() >= deadline_s:
                 raise PtpRefusedError(code, reply.code)
             self.pause(BUSY_PAUSE_S)
 
