@@ -12,7 +12,7 @@ import pytest
 
 from acquire.errors import SessionError
 from acquire.session import Session
-from acquire.session.verification import problems
+from acquire.session.verification import happenings, problems
 from tests.acquire.captures import Notes, captured, recorded_bytes
 
 
@@ -88,7 +88,8 @@ def test_verify_names_strangers_and_a_torn_line(folder: Path) -> None:
     problem_list = "\n".join(found(folder))
     assert "999999.dng belongs to no line" in problem_list
     assert "notes.txt is not part" in problem_list
-    assert "unfinished" in problem_list
+    assert "unfinished" not in problem_list
+    assert any("is unfinished" in line for line in happenings(Session.open(folder)))
 
 
 @pytest.mark.parametrize(
@@ -157,7 +158,7 @@ def test_hostile_lines_are_refused(folder: Path, changes: dict[str, object]) -> 
         ),
         pytest.param(lambda f: (f / "session.json").unlink(), "not a session", id="no record"),
         pytest.param(
-            lambda f: (f / "frames.jsonl").write_bytes(b"\x00\xff\n"), "line 1", id="noise"
+            lambda f: (f / "frames.jsonl").write_bytes(b"\x01\xff\n"), "line 1", id="noise"
         ),
         pytest.param(
             lambda f: ((f / "frames").rename(f / "x"), (f / "frames").symlink_to(f / "x")),
@@ -251,7 +252,7 @@ def test_a_line_that_does_not_fit_is_taken_back(tmp_path: Path) -> None:
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (150, 150));"
         "path = Path(sys.argv[1]);"
-        "append_durably(path, b'x' * 99 + b'\\n')\n"
+        "append_durably(path, b'x' * 99 + b'\\n', make=True)\n"
         "try: append_durably(path, b'y' * 99 + b'\\n')\n"
         "except StorageError as error: print(error)\n"
     )
