@@ -41,6 +41,7 @@ from acquire.result import (
 from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.session.records import versions
+from acquire.session.verification import incidents
 from acquire.stack import Stack
 from drivers.image import Demosaic
 from processing.patterns import Family
@@ -344,6 +345,7 @@ def _record(
             camera=session.plan.camera,
             projector=session.plan.projector,
             runs=session.record.runs,
+            incidents=tuple(incidents(session)),
             versions=session.record.versions,
         ),
         versions=versions(),

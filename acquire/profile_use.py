@@ -27,9 +27,9 @@ from acquire.profile_file import (
 )
 from acquire.session import Session
 from acquire.session.folder import storage, write_durably
+from acquire.session.store import PROFILES
 from processing.blur import Blur
 
-KEPT = "profiles"
 # Kinds that change how a session is processed.
 PROCESSED = ("dark", "noise", "leak", "board")
 
@@ -96,14 +96,14 @@ def keep_profiles(files: Mapping[str, Path], folder: Path) -> None:
     if not files:
         return
     with storage(folder):
-        (folder / KEPT).mkdir(parents=True, exist_ok=True)
+        (folder / PROFILES).mkdir(parents=True, exist_ok=True)
         for kind, file in files.items():
             profile, _ = read_profile(file)
             if profile.maps is not None:
                 read_maps(file, profile)
                 beside = file.parent / profile.maps.file
-                write_durably(folder / KEPT / profile.maps.file, beside.read_bytes())
-            write_durably(folder / KEPT / f"{kind}.json", file.read_bytes())
+                write_durably(folder / PROFILES / profile.maps.file, beside.read_bytes())
+            write_durably(folder / PROFILES / f"{kind}.json", file.read_bytes())
 
 
 def profiles_for(session: Session, given: Iterable[Path]) -> Profiles:
@@ -128,7 +128,7 @@ def profiles_for(session: Session, given: Iterable[Path]) -> Profiles:
         named[profile.kind] = path
     for use in session.plan.calibration:
         if use.kind in PROCESSED and use.kind not in named:
-            kept = session.folder / KEPT / f"{use.kind}.json"
+            kept = session.folder / PROFILES / f"{use.kind}.json"
             if read_profile(kept)[1] != use.sha256:
                 raise ProfileError(f"{kept} is not the profile that the session was begun with.")
             named[use.kind] = kept
@@ -142,7 +142,7 @@ def profiles_for(session: Session, given: Iterable[Path]) -> Profiles:
 
 def _kept_summary(session: Session, use: ProfileUse) -> ProfileSummary:
     """Of a profile that the session was captured with, as far as its copy still tells."""
-    kept = session.folder / KEPT / f"{use.kind}.json"
+    kept = session.folder / PROFILES / f"{use.kind}.json"
     try:
         profile, digest = read_profile(kept)
     except ProfileError:

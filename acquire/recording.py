@@ -15,10 +15,12 @@ from acquire.pause import Pause
 from acquire.plan import Plan
 from acquire.plan_file import check_fits
 from acquire.rig import Bench, Resumption
-from acquire.sequencer import Observer, Outcome, capture
+from acquire.sequencer import Journal, Observer, Outcome, capture
 from acquire.session import Session, SessionRecord
 from acquire.session.folder import write_durably
+from acquire.session.log import Kind
 from acquire.session.records import host, versions
+from acquire.session.recovery import recover
 from acquire.storage import check_room
 
 TRUTH = "truth.npz"
@@ -49,7 +51,7 @@ def record(
     check_fits(plan, bench.resolution, bench.name)
     with Session.locked(folder):
         session = _session(plan, bench, folder)
-        session.recover()
+        repairs = recover(session)
         missing = len(plan) - len(session.frames)
         if missing == 0 and session.record.runs and session.record.runs[-1].outcome == "complete":
             return session, Outcome.COMPLETE
@@ -57,6 +59,9 @@ def record(
         _write_truth(plan, bench, folder)
         last_file = session.read(session.lines[-1]) if session.lines else None
         with bench.open(Resumption(plan, session.lines, last_file)) as devices:
+            journal = Journal(session, devices.clock, observer)
+            for repair in repairs:
+                journal.note(repair, Kind.REPAIR)
             outcome = capture(session, devices, observer, stop, pause, keep_unproven=keep_unproven)
     return session, outcome
 

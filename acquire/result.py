@@ -239,6 +239,7 @@ class SessionSummary(StrictModel):
     camera: CameraPlan
     projector: ProjectorPlan
     runs: tuple[RunRecord, ...]
+    incidents: tuple[str, ...] = ()
     versions: dict[str, str]
 
 

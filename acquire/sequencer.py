@@ -22,16 +22,19 @@ from acquire.errors import BenchError, StorageError
 from acquire.pause import Pause
 from acquire.proof import Prover, Unit
 from acquire.session import FrameRecord, Session
+from acquire.session.log import MAX_TEXT, Kind, Note, append_note
 from drivers.errors import CameraTimeoutError
 from drivers.media import PICTURE_TYPES
 from drivers.raster import raster_digest
 
 if TYPE_CHECKING:
     from acquire.plan import Step
-    from drivers.protocols import CameraSettings, Devices, RawFrame
+    from drivers.protocols import CameraSettings, Clock, Devices, RawFrame
 
 
 LOOK_S = 0.1  # how often a resting capture looks whether it should stop
+# The two clocks that tell a suspension are read one after the other, on a busy computer.
+SUSPENDED_S = 0.5
 
 
 class Outcome(StrEnum):
@@ -86,12 +89,15 @@ def capture(
     StorageError
         The disk does not take a frame; the session stays whole.
     """
-    for warning in devices.warnings:
-        observer.warning(f"camera: {warning}")
+    journal = Journal(session, devices.clock, observer)
     session.begin_run(devices.clock.now())
+    for warning in devices.warnings:
+        journal.note(f"camera: {warning}")
     try:
-        with Prover(session, observer.warning, keep_unproven=keep_unproven) as prover:
-            outcome = _Capture(session, devices, observer, stop, pause or Pause(), prover).run()
+        with Prover(session, journal.note, keep_unproven=keep_unproven) as prover:
+            outcome = _Capture(
+                session, devices, observer, stop, pause or Pause(), prover, journal
+            ).run()
     except BaseException as error:
         reason = str(error) or type(error).__name__
         with suppress(StorageError):
@@ -99,6 +105,21 @@ def capture(
         raise
     session.end_run(devices.clock.now(), outcome)
     return outcome
+
+
+class Journal:
+    """Tells the observer what a person should know, and keeps it in the session's log."""
+
+    def __init__(self, session: Session, clock: Clock, observer: Observer) -> None:
+        self._session, self._clock, self._observer = session, clock, observer
+        self._lock = threading.Lock()  # the proof warns from the thread that writes the frames
+
+    def note(self, text: str, kind: Kind = Kind.WARNING, step: int | None = None) -> None:
+        """Tell and keep."""
+        self._observer.warning(text)
+        note = Note(time_s=self._clock.now(), kind=kind, step=step, text=text[:MAX_TEXT])
+        with self._lock:
+            append_note(self._session.folder, note)
 
 
 class _Capture:
@@ -110,10 +131,11 @@ class _Capture:
         stop: threading.Event,
         pause: Pause,
         prover: Prover,
+        journal: Journal,
     ) -> None:
         self.session, self.devices, self.observer = session, devices, observer
         self.stop, self.pause, self.prover = stop, pause, prover
-        self.plan = session.plan
+        self.plan, self.journal = session.plan, journal
         self.shown = session.lines[-1].step if session.lines else None
 
     def run(self) -> Outcome:
@@ -135,8 +157,7 @@ class _Capture:
                     writing = None
                     if self.stop.is_set():
                         break
-                    frame = self._expose(step)
-                    self.devices.projector.check()
+                    frame = self._take(step)
                     writing = disk.submit(self._keep, step, digest, frame)
                     for unit in self.prover.closing_at(index):
                         self._finish(writing)
@@ -154,11 +175,10 @@ class _Capture:
             if retake is None:
                 return
             index, why = retake
-            self.observer.warning(why)
+            self.journal.note(why, Kind.RETAKE, index)
             step = self.plan.step(index)
             digest = self._show(step)
-            frame = self._expose(step)
-            self.devices.projector.check()
+            frame = self._take(step)
             self._keep(step, digest, frame)
 
     def _rest(self) -> None:
@@ -173,10 +193,32 @@ class _Capture:
 
     def _show(self, step: Step) -> str:
         projector = self.devices.projector
+        self.suspended_s = self._suspended()
         raster = self.plan.projector.raster(step.pattern, projector.resolution)
         projector.show(raster)
         self.shown = step.index
         return raster_digest(raster)
+
+    def _suspended(self) -> float:
+        """Seconds that the computer has been suspended, since some moment before."""
+        clock = self.devices.clock
+        return clock.monotonic() - clock.awake()
+
+    def _take(self, step: Step) -> RawFrame:
+        """A frame all through which its pattern stood: in a suspension it may have gone."""
+        while True:
+            frame = self._expose(step)
+            slept_s = self._suspended() - self.suspended_s
+            self.devices.projector.check()
+            if slept_s < SUSPENDED_S:
+                return frame
+            self.journal.note(
+                f"step {step.index}: the computer was suspended for {slept_s:.0f} s meanwhile; the "
+                "frame was not kept and is taken again. Switch its standby off for a capture.",
+                Kind.SUSPENSION,
+                step.index,
+            )
+            self._show(step)
 
     def _expose(self, step: Step) -> RawFrame:
         for attempt in range(self.plan.camera.retries + 1):
@@ -189,7 +231,9 @@ class _Capture:
                         "time(s), as the plan's camera.retries says. Every frame before it is "
                         "safe; the same command goes on from here."
                     ) from error
-                self.observer.warning(f"step {step.index}: {error} Trying again.")
+                self.journal.note(
+                    f"step {step.index}: {error} Trying again.", Kind.TIMEOUT, step.index
+                )
             else:
                 _check_settings(step, frame.settings)
                 _check_kind(step, frame)

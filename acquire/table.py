@@ -22,6 +22,7 @@ from acquire.plan import Plan
 from acquire.session import FrameRecord, Session, SessionRecord, SourceRecord, Transfer
 from acquire.session.folder import read_plain
 from acquire.session.records import MAX_FRAME_BYTES, frame_path, host, versions
+from acquire.session.recovery import recover
 from acquire.storage import check_room
 from acquire.table_file import Row, Table, read_table, refuse
 from drivers.errors import DecodeError
@@ -219,7 +220,7 @@ def _resumed(out: Path, record: SessionRecord, frames: list[_Frame]) -> Session 
             f"{out} holds another session, or files of this one have changed since; nothing was "
             "written. Give another --out."
         )
-    session.recover()
+    recover(session)
     return session
 
 

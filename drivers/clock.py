@@ -18,6 +18,10 @@ class SystemClock:
             return time.clock_gettime(time.CLOCK_BOOTTIME)
         return time.monotonic()
 
+    def awake(self) -> float:
+        """Seconds since some moment before, time in suspension left out where the system can."""
+        return time.monotonic()
+
     def sleep(self, duration_s: float) -> None:
         """Block for `duration_s` seconds."""
         time.sleep(duration_s)

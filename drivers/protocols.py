@@ -123,6 +123,9 @@ class Clock(Protocol):
     def monotonic(self) -> float:
         """Seconds that never jump, whoever sets the clock; 0 at any moment."""
 
+    def awake(self) -> float:
+        """Like `monotonic`, but standing still while the computer is suspended."""
+
     def sleep(self, duration_s: float) -> None:
         """Let `duration_s` ≥ 0 seconds go by."""
 

@@ -14,6 +14,7 @@ from acquire.proof.records import FrameProof, append_proofs, read_proofs, recove
 from acquire.proof.samples import FrameSamples, sample_frame
 from acquire.proof.units import Unit
 from acquire.session import FrameRecord, Session, Transfer
+from acquire.session.log import Kind
 from drivers.errors import DecodeError
 from processing.showing import Finding
 
@@ -52,7 +53,7 @@ class Prover:
     """
 
     def __init__(
-        self, session: Session, warn: Callable[[str], None], *, keep_unproven: bool
+        self, session: Session, warn: Callable[[str, Kind], None], *, keep_unproven: bool
     ) -> None:
         self._session, self._warn, self._keep_unproven = session, warn, keep_unproven
         self._examination = Examination(session.plan, session.projector_px)
@@ -183,7 +184,8 @@ class Prover:
                 if not self._blind:
                     self._warn(
                         f"step {record.step}: {error}. Nothing can be said about what the frames "
-                        "show; they are kept unjudged."
+                        "show; they are kept unjudged.",
+                        Kind.WARNING,
                     )
                 self._blind = True
             else:
@@ -201,7 +203,8 @@ class Prover:
         proof = FrameProof(step=record.step, attempt=record.attempt, finding=finding)
         if self._hopeless < MOST_HOPELESS or self._keep_unproven:
             if record.attempt == 0:
-                self._warn(f"{self._named(proof)} {proof.in_words}; it will be taken again.")
+                text = f"{self._named(proof)} {proof.in_words}; it will be taken again."
+                self._warn(text, Kind.SUSPECT)
             return
         raise ProofError(
             f"{_capital(self._named(proof))} {proof.in_words}, like {MOST_HOPELESS - 1} exposures "

@@ -18,7 +18,6 @@ UNSTEADY_AT = 0.005
 ADDITIVITY_AT = 0.02
 MOVED_AT_PX = 0.1
 SATURATED_AT = 0.001
-CLOCK_JUMP_S = 2.0
 
 
 def examine(session: Session, frame_done: Callable[[], None]) -> Iterator[FrameProof]:
@@ -81,7 +80,6 @@ def verdict(session: Session, proofs: Sequence[FrameProof]) -> Iterator[str]:
     saturated = max((proof.saturated for proof in proofs), default=0.0)
     if saturated > SATURATED_AT:
         yield f"Up to {saturated:.1%} of the pixels of a frame are saturated: expose less."
-    yield from _clocks(session)
 
 
 def _steadiness(light: np.ndarray) -> Iterator[str]:
@@ -93,18 +91,3 @@ def _steadiness(light: np.ndarray) -> Iterator[str]:
         yield f"Lamp or exposure drifted by {slope:+.1%} over the session."
     if rest > UNSTEADY_AT:
         yield f"The light of single frames varies by {rest:.1%} (standard deviation): flicker."
-
-
-def _clocks(session: Session) -> Iterator[str]:
-    """Jumps of the host's clock against time that nobody sets."""
-    for before, after in zip(session.lines, session.lines[1:], strict=False):
-        if None in (before.finished_s, after.finished_s, before.monotonic_s, after.monotonic_s):
-            continue
-        wall = float(after.finished_s or 0) - float(before.finished_s or 0)
-        true = float(after.monotonic_s or 0) - float(before.monotonic_s or 0)
-        # Time that nobody sets begins anew when the computer does.
-        if true >= 0 and abs(wall - true) > CLOCK_JUMP_S:
-            yield (
-                f"The computer's clock jumped by {wall - true:+.0f} s between steps {before.step} "
-                f"and {after.step}."
-            )

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from acquire.errors import SessionError
 from acquire.plan import MAX_STEPS
-from acquire.session.folder import append_durably, read_plain, storage
+from acquire.session.folder import append_durably, read_plain, storage, whole_bytes
 from acquire.session.records import MAX_ATTEMPTS
 from acquire.session.store import PROOF
 from acquire.validation import StrictModel, explain
@@ -72,17 +72,17 @@ def append_proofs(folder: Path, proofs: Iterable[FrameProof]) -> None:
     """Append lines in one piece."""
     text = "".join(proof.model_dump_json() + "\n" for proof in proofs)
     if text:
-        append_durably(folder / PROOF, text.encode())
+        append_durably(folder / PROOF, text.encode(), make=True)
 
 
 def recover_proofs(folder: Path) -> None:
-    """Cut off a line that a crash left unfinished."""
+    """Cut off what a crash left unfinished."""
     path = folder / PROOF
     if not path.exists():
         return
-    content = read_plain(path, MAX_BYTES)
+    end = whole_bytes(read_plain(path, MAX_BYTES))
     with storage(path), path.open("rb+") as file:
-        file.truncate(content.rfind(b"\n") + 1)
+        file.truncate(end)
 
 
 def read_proofs(folder: Path) -> dict[tuple[int, int], FrameProof]:
@@ -92,7 +92,8 @@ def read_proofs(folder: Path) -> dict[tuple[int, int], FrameProof]:
         if not path.exists():
             return {}
     found = {}
-    lines = read_plain(path, MAX_BYTES).split(b"\n")[:-1]
+    content = read_plain(path, MAX_BYTES)
+    lines = content[: whole_bytes(content)].split(b"\n")[:-1]
     for number, line in enumerate(lines, 1):
         try:
             proof = FrameProof.model_validate_json(line)

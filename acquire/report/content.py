@@ -66,6 +66,7 @@ class Redo:
     source: settings.Rows
     bench: str
     runs: tuple[settings.RunRow, ...]
+    incidents: tuple[str, ...]
     versions: tuple[settings.VersionRow, ...]
 
 
@@ -223,5 +224,6 @@ def _redo(record: ResultRecord, record_sha256: str) -> Redo:
         source=settings.source_rows(session),
         bench=settings.bench_toml(session.bench),
         runs=tuple(settings.run_row(run) for run in session.runs),
+        incidents=session.incidents,
         versions=settings.version_rows(record),
     )

@@ -7,11 +7,26 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 
 from acquire.errors import SessionError, StorageError
 
 OUT_OF_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_ADVICE = {
+    errno.ENOENT: "The folder is gone: was it moved, renamed or deleted, or its drive pulled out? "
+    "Put it back where it was and give the same command again.",
+    errno.EROFS: "The disk takes no writing any more, as the system does with one that fails or "
+    "was pulled out. Look at its cable and the system's log, make it writable, and give the same "
+    "command again.",
+    errno.EIO: "The disk fails or was pulled out. Look at its cable and the system's log, and copy "
+    "what is on it before anything else.",
+    errno.EACCES: "See who may write there (`ls -l`), and give the same command again.",
+}
+_SAFE = "Everything before it is safe."
+_ADVICE |= {errno.ENOTDIR: _ADVICE[errno.ENOENT], errno.ENODEV: _ADVICE[errno.EIO]}
+# A disk's cache may hold that many lines; more are no mishap of a power cut.
+MOST_LOST = 16
 
 
 def read_plain(path: Path, max_bytes: int) -> bytes:
@@ -52,18 +67,39 @@ def write_durably(path: Path, data: bytes) -> None:
         sync_folder(path.parent)
 
 
-def append_durably(path: Path, line: bytes) -> None:
-    """Append a line; a line that did not fit is taken back so that the file stays whole."""
-    # Unbuffered: what is taken back must not be written again when the file is closed.
-    with storage(path), path.open("ab", buffering=0) as file:
-        end = file.tell()
-        try:
-            if file.write(line) != len(line):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            os.fsync(file.fileno())
-        except OSError:
-            file.truncate(end)
-            raise
+def append_durably(path: Path, line: bytes, *, make: bool = False) -> None:
+    """Append a line; a line that did not fit is taken back so that the file stays whole.
+
+    A file that is not there is made only with `make`: of a session that was moved away in the
+    middle, nothing may begin anew.
+    """
+    with storage(path):
+        if make and not path.exists():
+            path.touch()
+            sync_folder(path.parent)
+        # Unbuffered: what is taken back must not be written again when the file is closed.
+        with path.open("rb+", buffering=0) as file:
+            _append(file, line)
+
+
+def _append(file: FileIO, line: bytes) -> None:
+    end = file.seek(0, os.SEEK_END)
+    try:
+        if file.write(line) != len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(file.fileno())
+    except OSError:
+        file.truncate(end)
+        raise
+
+
+def whole_bytes(content: bytes) -> int:
+    """Length of the lines that are whole: a power cut can leave a torn end, or zeros for it."""
+    end = content.rfind(b"\n") + 1
+    zero = content.find(b"\0")
+    if zero >= 0 and content.count(b"\n", zero) <= MOST_LOST:
+        end = min(end, content.rfind(b"\n", 0, zero) + 1)
+    return end
 
 
 def sync_folder(folder: Path) -> None:
@@ -89,5 +125,5 @@ def storage(path: Path) -> Iterator[None]:
                 "Make room and give the same command again; it goes on where it stopped."
             ) from error
         raise StorageError(
-            f"Cannot write {path}: {error.strerror}. Everything before it is safe."
+            f"Cannot write {path}: {error.strerror}. {_ADVICE.get(error.errno or 0, _SAFE)}"
         ) from error

@@ -13,7 +13,14 @@ from pydantic import BaseModel, ValidationError
 
 from acquire.errors import SessionError
 from acquire.plan import Plan
-from acquire.session.folder import append_durably, read_plain, storage, write_durably
+from acquire.session.folder import (
+    append_durably,
+    read_plain,
+    storage,
+    sync_folder,
+    whole_bytes,
+    write_durably,
+)
 from acquire.session.records import FrameRecord, RunRecord, SessionRecord
 from acquire.validation import explain
 
@@ -24,6 +31,7 @@ MAX_SIDE = 65_536
 ModelT = TypeVar("ModelT", bound=BaseModel)
 PLAN, RECORD, LINES, FRAMES = "plan.json", "session.json", "frames.jsonl", "frames"
 PROOF = "proof.jsonl"
+PROFILES = "profiles"
 LOCK = ".lock"
 INTERRUPTED = "It ended without a word: the power failed, or the program was killed."
 
@@ -52,6 +60,7 @@ class Session:
             (folder / LINES).touch()
         write_durably(folder / PLAN, plan.to_json().encode())
         write_durably(folder / RECORD, _json(record))
+        sync_folder(folder.absolute().parent)
         return cls(folder, plan, record)
 
     @classmethod
@@ -99,18 +108,27 @@ class Session:
                 raise SessionError(
                     f"Another lumisplit is writing to {folder}. Wait for it or stop it."
                 ) from error
+            except NotImplementedError as error:
+                raise SessionError(
+                    f"The disk of {folder} cannot keep two programs from writing at once (it has "
+                    "no locks). Capture onto another disk and copy the session afterwards."
+                ) from error
         try:
             yield
         finally:
             lock.release()
 
-    def recover(self) -> None:
-        """Cut off a line that a crash left unfinished and the parts of files that go with it."""
-        whole = sum(len(line) for line in self.complete_lines())
+    def forget(self, count: int) -> None:
+        """Drop the last lines and their files; the frames that they replaced count again."""
+        kept, dropped = self.lines[:-count], self.lines[-count:]
         with storage(self.folder), (self.folder / LINES).open("rb+") as file:
-            file.truncate(whole)
-        for part in (self.folder / FRAMES).glob(".*.part"):
-            part.unlink()
+            file.truncate(sum(map(len, self.complete_lines()[: len(kept)])))
+        for frame in dropped:
+            with storage(self.folder):
+                (self.folder / frame.file).unlink(missing_ok=True)
+        self.lines, self.frames = [], []
+        for frame in kept:
+            self._take_in(frame)
 
     def store(self, record: FrameRecord, data: bytes) -> None:
         """Keep a frame: the file first, then, when that is on the disk, its line."""
@@ -149,11 +167,11 @@ class Session:
         return data
 
     def complete_lines(self) -> list[bytes]:
-        """Lines of frames.jsonl that end as lines do; a crash can leave one that does not."""
+        """Lines of frames.jsonl that are whole; a crash can leave one that is not."""
         content = read_plain(
             self.folder / LINES, MAX_LINES_A_STEP * (len(self.plan) + 1) * MAX_LINE_BYTES
         )
-        return [line + b"\n" for line in content.split(b"\n")[:-1]]
+        return [line + b"\n" for line in content[: whole_bytes(content)].split(b"\n")[:-1]]
 
     @property
     def projector_px(self) -> tuple[int, int] | None:

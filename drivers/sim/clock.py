@@ -28,6 +28,10 @@ class SimulatedClock:
         """Seconds since the simulated run began."""
         return self._now_s - EPOCH_S
 
+    def awake(self) -> float:
+        """As `monotonic`: a simulated computer is never suspended."""
+        return self.monotonic()
+
     def sleep(self, duration_s: float) -> None:
         """Advance by `duration_s` ≥ 0 seconds."""
         if not duration_s >= 0:
