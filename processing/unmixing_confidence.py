@@ -12,7 +12,7 @@ from processing.unmixing import scaled_mixing
 Array = NDArray[np.float64]
 _PARTS = 10
 # More say no more about the spread between parts.
-_MOST_SAMPLES = 1 << 20
+_MOST_SAMPLES = 1 << 18
 
 
 def alpha_half_width(
