@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from acquire.pitches import SeparatedPitches
-from acquire.result import Caution, DriftRecord
+from acquire.result import DriftRecord
 from acquire.session import Session
+from acquire.session.records import Caution
 from calibration.projector import measure_leak
 from processing.drift import Course
 

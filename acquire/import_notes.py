@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from acquire.session import Transfer
+from acquire.session.records import Caution
 from acquire.table_file import Row, by_pitch
 from drivers.media import PICTURE_TYPES
 from drivers.picture import JPEG_WHITE
@@ -13,7 +14,7 @@ from processing.patterns import Family, untoggled_fraction
 
 def import_notes(
     rows: Sequence[Row], transfer: Transfer, media_type: str, dtype: str, profile: str | None
-) -> tuple[str, ...]:
+) -> tuple[Caution, ...]:
     """Notes for the report, most important first.
 
     Parameters
@@ -33,63 +34,105 @@ def import_notes(
     )
 
 
-def _reading_notes(transfer: Transfer, media_type: str, dtype: str) -> Iterator[str]:
+def _reading_notes(transfer: Transfer, media_type: str, dtype: str) -> Iterator[Caution]:
     bits = {"uint8": "8-bit", "uint16": "16-bit"}.get(dtype, "floating-point")
     if transfer is Transfer.SRGB:
-        yield (
-            f"{bits} pictures were linearised with the sRGB curve (IEC 61966-2-1); the camera's "
-            "own curve is unknown, so values are only approximately linear"
+        yield Caution(
+            what=f"The {bits} pictures were linearised with the sRGB curve (IEC 61966-2-1).",
+            meaning="The camera's own curve is unknown, so values are only approximately linear: "
+            "shares of light are off by as much as the curves differ.",
+            remedy="Use the camera's raw files, if there are any.",
         )
     if transfer is Transfer.LINEAR:
-        yield f"{bits} pictures were taken as linear in light, without any curve"
+        yield Caution(
+            what=f"The {bits} pictures were taken as linear in light, without any curve.",
+            meaning="If they have one, shares of light are wrong at every pixel.",
+            remedy="If they were encoded for a screen, import them with `--transfer srgb`.",
+        )
     if media_type == "image/jpeg":
-        yield (
-            "JPEG compression changed the values and hides noise; pixels from code "
-            f"{JPEG_WHITE} of 255 count as saturated"
+        yield Caution(
+            what="The pictures are JPEG files.",
+            meaning="Compression changed the values and hides noise, so that errors are "
+            f"underestimated; pixels from code {JPEG_WHITE} of 255 count as saturated.",
+            remedy="Use the camera's raw files, if there are any.",
         )
+    yield from _saturation_notes(bits, transfer, media_type)
+    yield Caution(
+        what="The exposures are unknown.",
+        meaning="All frames are taken to have the same exposure, gain and light; where they have "
+        "not, direct and global light are wrong by as much.",
+        remedy="Look at how far patterns and complements miss white; fix exposure, gain and white "
+        "balance in the next capture.",
+    )
+
+
+def _saturation_notes(bits: str, transfer: Transfer, media_type: str) -> Iterator[Caution]:
     if bits == "floating-point" and transfer is not Transfer.RAW:
-        yield "floating-point pictures have no white level: saturated pixels cannot be told"
-    elif media_type in PICTURE_TYPES and media_type != "image/jpeg":
-        yield (
-            "saturation is told by the highest code of the file format only; a camera that clips "
-            "below it goes unnoticed"
+        yield Caution(
+            what="Floating-point pictures have no white level.",
+            meaning="Saturated pixels cannot be told and count as measured.",
+            remedy="Leave saturated parts of the picture out of what you conclude.",
         )
-    yield "exposures are unknown; all frames are taken to have the same exposure, gain and light"
+    elif media_type in PICTURE_TYPES and media_type != "image/jpeg":
+        yield Caution(
+            what="Saturation is told by the highest code of the file format only.",
+            meaning="Where the camera clips below it, that goes unnoticed and such pixels read "
+            "too little light.",
+            remedy="See whether the brightest pixels of the white frame all have one value.",
+        )
 
 
-def _profile_notes(transfer: Transfer, profile: str | None) -> Iterator[str]:
+def _profile_notes(transfer: Transfer, profile: str | None) -> Iterator[Caution]:
     if profile is None or (transfer is Transfer.SRGB and "srgb" in profile.lower()):
         return
-    advice = (
-        "; if they are not linear, import them with --transfer srgb"
-        if transfer is Transfer.LINEAR
-        else ""
+    linear = transfer is Transfer.LINEAR
+    yield Caution(
+        what=f'The pictures carry the colour profile "{profile}", which was not applied.',
+        meaning="Its curve, if it has one, was not undone: shares of light may be wrong."
+        if linear
+        else "Its curve may differ from the one that was undone: shares of light are approximate.",
+        remedy="If they are not linear, import them with `--transfer srgb`."
+        if linear
+        else "Convert the pictures to linear TIFF and import these with `--transfer linear`.",
     )
-    yield f'the pictures carry the colour profile "{profile}", which was not applied{advice}'
 
 
-def _reference_notes(rows: Sequence[Row]) -> Iterator[str]:
+def _reference_notes(rows: Sequence[Row]) -> Iterator[Caution]:
     families = {row.pattern.family for row in rows}
     if Family.WHITE not in families:
-        yield "there is no white frame; the maximum over the shifts stands in for it"
+        yield Caution(
+            what="There is no white frame.",
+            meaning="The frames themselves stand in for it, and none of them can be checked "
+            "against it.",
+            remedy="Capture a white frame with the next stack, at the same settings.",
+        )
     if Family.BLACK not in families:
-        yield "there is no black frame; light that does not come from the projector stays in"
+        yield Caution(
+            what="There is no black frame.",
+            meaning="Light that does not come from the projector stays in and counts as global "
+            "light.",
+            remedy="Capture a black frame with the next stack, at the same settings.",
+        )
 
 
-def _shift_notes(rows: Sequence[Row]) -> Iterator[str]:
+def _shift_notes(rows: Sequence[Row]) -> Iterator[Caution]:
     groups = by_pitch(rows)
     if any(len(members) == 2 for members in groups.values()):
-        yield (
-            "two shifts only at "
-            f"{_pitches(key for key, members in groups.items() if len(members) == 2)}; noise and "
-            "the edges of the pattern are not averaged out"
+        yield Caution(
+            what="There are two shifts only at "
+            f"{_pitches(key for key, members in groups.items() if len(members) == 2)}.",
+            meaning="Noise and the edges of the pattern are not averaged out and are seen in the "
+            "direct images.",
+            remedy="Take at least four shifts in each direction in which the pattern changes.",
         )
     for key, members in groups.items():
         share = untoggled_fraction([row.pattern for row in members]) if key[0].is_binary else 0.0
         if share > 0:
-            yield (
-                f"{key[0]} at pitch {key[1]}: {share:.1%} of the projector's pixels are never "
-                "both lit and dark; the direct light there reads too low"
+            yield Caution(
+                what=f"At {key[0]}, pitch {key[1]}, {share:.1%} of the projector's pixels are "
+                "never both lit and dark.",
+                meaning="The direct light there reads too low.",
+                remedy="Let the shifts cover two pitches down and one to the right.",
             )
 
 

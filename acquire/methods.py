@@ -17,11 +17,13 @@ from acquire.profile_use import Profiles
 from acquire.result import MixingRecord, PixelClass
 from acquire.session import Session
 from acquire.session.folder import storage
+from acquire.session.records import Caution
 from processing.decomposition import decompose_iva
 from processing.gathering import HarmonicsStack
 from processing.harmonics import PitchHarmonics
 from processing.patterns import Family, Pattern
 from processing.ranges import decompose_ranges
+from processing.remarks import Remark
 
 Image = NDArray[np.float32]
 HARMONICS = ".harmonics"
@@ -62,8 +64,8 @@ class Components:
         PCA shares and convergence, where the method has them.
     used
         Options as they were chosen by the method itself.
-    warnings
-        What a reader must know, in words.
+    cautions
+        What a reader must know.
     """
 
     images: dict[str, Image]
@@ -74,7 +76,7 @@ class Components:
     shares: tuple[float, ...] = ()
     cost: tuple[float, ...] = ()
     used: dict[str, JsonValue] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    cautions: tuple[Caution, ...] = ()
 
 
 class Method(Protocol):
@@ -155,7 +157,7 @@ class Iva:
             shares=tuple(found.shares.tolist()),
             cost=tuple(found.cost.tolist()),
             used={"n_components": n_components, "smoothing_px_used": found.smoothing_px},
-            warnings=found.warnings,
+            cautions=_cautions(found.warnings),
         )
 
 
@@ -232,7 +234,7 @@ class Ranges:
             ),
             noise=None if noise is None else float(noise),
             used={"blur_projector_px": [float(np.sqrt(max(b.side_px2, 0))) for b in found.blur]},
-            warnings=found.warnings,
+            cautions=_cautions(found.warnings),
         )
 
     def close(self) -> None:
@@ -252,6 +254,10 @@ class Ranges:
             )
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` takes such sessions.") from error
+
+
+def _cautions(remarks: tuple[Remark, ...]) -> tuple[Caution, ...]:
+    return tuple(Caution(what=r.what, meaning=r.meaning, remedy=r.remedy) for r in remarks)
 
 
 def _or_none(values: NDArray[np.float64]) -> tuple[tuple[tuple[float | None, ...], ...], ...]:

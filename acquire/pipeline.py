@@ -29,7 +29,6 @@ from acquire.proof import keep_portraits, proof_of, proven
 from acquire.references import read_references
 from acquire.result import (
     RECORD,
-    Caution,
     PixelClass,
     ProofRecord,
     Result,
@@ -40,7 +39,7 @@ from acquire.result import (
 )
 from acquire.session import Session
 from acquire.session.folder import storage
-from acquire.session.records import versions
+from acquire.session.records import Caution, versions
 from acquire.session.verification import incidents
 from acquire.stack import Stack
 from drivers.image import Demosaic
@@ -321,6 +320,7 @@ def _record(
 ) -> ResultRecord:
     height, width = separated.mask.shape
     notes = session.record.source.notes if session.record.source else ()
+    told = (*notes, *found, *components.cautions)
     return ResultRecord(
         method=str(options["method"]),
         options=options | components.used,
@@ -333,8 +333,8 @@ def _record(
         mask=separated.mask_record(),
         noise=components.noise,
         deviations=bool(components.deviations),
-        warnings=(*notes, *(caution.text for caution in found), *components.warnings),
-        cautions=found,
+        warnings=tuple(caution.text for caution in told),
+        cautions=told,
         drift=separated.references.record,
         plan_sha256=session.plan.sha256,
         session=SessionSummary(

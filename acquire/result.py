@@ -33,7 +33,7 @@ from acquire.errors import ResultError, SessionError
 from acquire.plan import CameraPlan, ProjectorPlan
 from acquire.profile_file import ProfileSummary
 from acquire.session.folder import read_plain, storage, write_durably
-from acquire.session.records import RunRecord, Sha256, SourceRecord
+from acquire.session.records import Caution, RunRecord, Sha256, SourceRecord
 from acquire.validation import StrictModel, explain
 from processing.drift import Course
 from processing.patterns import Family
@@ -46,8 +46,6 @@ Side = Annotated[int, Field(ge=1, le=65_535)]
 ComponentName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,40}$")]
 ProofPath = Annotated[str, Field(pattern=r"^proof/[a-z0-9-]{1,60}\.tiff$")]
 ImagePath = Annotated[str, Field(pattern=r"^(components|pitches)/[a-z][a-z0-9-]{0,60}\.tiff$")]
-
-Sentences = Annotated[str, Field(pattern=r"(?s)^\S.*[.]$")]
 
 
 class PixelClass(IntEnum):
@@ -104,19 +102,6 @@ class MixingRecord(StrictModel):
     alpha: tuple[tuple[tuple[float, ...], ...], ...]
     half_width: tuple[tuple[tuple[float | None, ...], ...], ...] | None = None
     interval: str = ""
-
-
-class Caution(StrictModel):
-    """A warning that tells a person all three: what was found, what it means, what to do."""
-
-    what: Sentences
-    meaning: Sentences
-    remedy: Sentences
-
-    @property
-    def text(self) -> str:
-        """All of it, as one paragraph."""
-        return f"{self.what} {self.meaning} {self.remedy}"
 
 
 class PortraitRecord(StrictModel):
@@ -244,7 +229,7 @@ class SessionSummary(StrictModel):
 
 
 class ResultRecord(StrictModel):
-    """result.json; `cautions` are those of the `warnings` that are known in their parts.
+    """result.json; `cautions` are the `warnings` in their parts, as far as those are known.
 
     `profiles` are those that the frames were captured or processed with.
     """

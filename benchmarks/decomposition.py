@@ -225,8 +225,8 @@ def report(scene: str, condition: str, run: Captured) -> None:
         f"{coverage(found, run)}; gathering {run.gathering_s:.2f} s, decomposition "
         f"{elapsed_s:.2f} s"
     )
-    for text in found.warnings:
-        print(f"warning: {text}")
+    for remark in found.warnings:
+        print(f"warning: {remark.what}")
 
 
 def main() -> None:

@@ -81,8 +81,8 @@ def main() -> None:
                 aside = "" if scene in TUNED_ON else ", held out"
                 cells = row(f"{scene}, {baseline}{aside}", run, found)
                 print(f"| {' | '.join(cells)} | {elapsed_s:.1f} s", flush=True)
-                for text in found.warnings:
-                    print(f"  ({text[:60]}…)")
+                for remark in found.warnings:
+                    print(f"  ({remark.what[:60]}…)")
 
 
 if __name__ == "__main__":

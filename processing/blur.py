@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.remarks import Remark
+
 # Slopes below this fraction of white are no basis for a ratio.
 _LEAST_SLOPE = 0.08
 # Two pairs of pitches must agree on the variance within this.
@@ -32,10 +34,13 @@ _LEAST_BIN = 200
 _REWEIGHTED = 10
 
 
-BLUR_UNSURE = (
-    "the blur of projector and camera could not be told from scattering: pitches that should "
-    "show the same blur disagree, or too few are resolved; measure the blur on a board, and until "
-    "then take direct light and subsurface scattering for estimates"
+BLUR_UNSURE = Remark(
+    what="The blur of projector and camera could not be told from scattering: pitches that should "
+    "show the same blur disagree, or too few are resolved.",
+    meaning="Direct light and subsurface scattering are estimates: blur that was not recognised "
+    "is counted as light that travelled, and the other way round.",
+    remedy="Measure the blur on a board (`lumisplit calibrate board`) and process with its "
+    "profile.",
 )
 
 

@@ -18,6 +18,7 @@ from processing.auxiva import auxiva
 from processing.gradients import gradient_samples
 from processing.noise import noise_deviation
 from processing.pca import PrincipalComponents, principal_components
+from processing.remarks import Remark
 from processing.rows import Rows, combine, means
 from processing.smoothing import choose_smoothing
 from processing.unmixing import resolve
@@ -57,7 +58,7 @@ class Decomposition:
         Standard deviation of the noise of the weakest principal image kept, a fraction of full
         scale (the 99.9th percentile of white).
     warnings
-        What a reader must know, in words.
+        What a reader must know.
     """
 
     components: NDArray[np.float32]
@@ -69,7 +70,7 @@ class Decomposition:
     cost: NDArray[np.float64]
     smoothing_px: float
     noise: float
-    warnings: tuple[str, ...]
+    warnings: tuple[Remark, ...]
 
 
 def decompose_iva(
@@ -150,9 +151,11 @@ def decompose_iva(
     )
 
 
-_DROWNED = (
-    "noise drowns the gradients of the weakest component at every scale; "
-    "ask for fewer components or average several captures"
+_DROWNED = Remark(
+    what="The noise drowns the gradients of the weakest component at every scale.",
+    meaning="Independence says nothing about it: that component, and what the others lack, are "
+    "accidents of the noise.",
+    remedy="Ask for fewer components (`--components`), or expose longer and capture again.",
 )
 
 
@@ -183,12 +186,17 @@ def _check(rows: Rows, pitch_px: NDArray[np.float64], n_components: int) -> None
 
 def _insignificant(
     principal: PrincipalComponents, n_components: int, noise: float
-) -> tuple[str, ...]:
+) -> tuple[Remark, ...]:
     """Warn of principal components that hold little more than noise alone would."""
     noise_share = noise**2 / (principal.mean_square * len(principal.shares))
     return tuple(
-        f"principal component {k + 1} is not significant: its share is {share:.1e}, that of "
-        f"noise alone {noise_share:.1e}; ask for fewer components"
+        Remark(
+            what=f"Principal component {k + 1} is not significant: its share is {share:.1e}, that "
+            f"of noise alone {noise_share:.1e}.",
+            meaning="One of the components is made of noise, and the others may have lost light "
+            "to it.",
+            remedy="Ask for fewer components (`--components`).",
+        )
         for k, share in enumerate(principal.shares[:n_components])
         if share < 2 * noise_share
     )

@@ -32,6 +32,7 @@ from processing.range_decomposition import (
     lattice,
 )
 from processing.range_fit import fit_rows
+from processing.remarks import Remark
 from processing.rows import Rows
 from processing.scattering import RivalFits, translucent_map
 
@@ -183,7 +184,7 @@ def _responses(
 
 def _blur_px(
     sample: Sequence[Image], pitch_px: Array, families: Sequence[Family], white: Image
-) -> tuple[float, tuple[str, ...]]:
+) -> tuple[float, tuple[Remark, ...]]:
     """Blur at which the two finest pitches differ as they do in most pixels."""
     if len(sample) < 2 or pitch_px[1] <= pitch_px[0]:
         return 0.0, (BLUR_UNSURE,)

@@ -13,6 +13,7 @@ from processing.correspondence import decode
 from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
 from processing.range_fit import slopes
+from processing.remarks import Remark
 from processing.response import ResponseTables
 
 Image = NDArray[np.float32]
@@ -27,9 +28,11 @@ _BINS = 32
 # A sharp picture's blur is all camera pixel, wider where surfaces are seen askew.
 _BOX_MARGIN = 1.15
 
-NOISE_UNKNOWN = (
-    "no pitch holds complementary pairs of frames, so the noise is unknown; the standard errors "
-    "hold the misfit of the model alone"
+NOISE_UNKNOWN = Remark(
+    what="No pitch holds complementary pairs of frames, so the noise is unknown.",
+    meaning="The standard errors hold the misfit of the model alone and are too small.",
+    remedy="Capture with the shifts of `lumisplit plan --example`, of which each has its "
+    "complement, or give a noise profile (`lumisplit calibrate noise`).",
 )
 
 
@@ -64,7 +67,7 @@ class Sample:
 
 def measured_blur(
     stack: HarmonicsStack, sample: Sample
-) -> tuple[tuple[Blur, ...], tuple[str, ...]]:
+) -> tuple[tuple[Blur, ...], tuple[Remark, ...]]:
     """Blur of each colour, and a warning where it cannot be trusted.
 
     Places are decoded and slopes corrected with the blur found so far, three times over.

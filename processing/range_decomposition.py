@@ -13,6 +13,7 @@ from processing.blur import Blur
 from processing.jackknife import tiles
 from processing.mean_mixing import mean_mixing
 from processing.range_fit import AccountFit
+from processing.remarks import Remark
 from processing.scattering import RivalFits
 
 Image = NDArray[np.float32]
@@ -58,7 +59,7 @@ class RangeDecomposition:
         (colours,), standard deviation of a frame under half of the brightest white; NaN where
         it is unknown.
     warnings
-        What a reader must know, in words.
+        What a reader must know.
     """
 
     components: Image
@@ -72,7 +73,7 @@ class RangeDecomposition:
     translucent: NDArray[np.bool_]
     blur: tuple[Blur, ...]
     noise: Array
-    warnings: tuple[str, ...]
+    warnings: tuple[Remark, ...]
 
     @property
     def deviations(self) -> Image:
@@ -116,7 +117,7 @@ def assemble(
     fits: RivalFits,
     found: NDArray[np.bool_],
     sample: Fits,
-    warnings: tuple[str, ...],
+    warnings: tuple[Remark, ...],
 ) -> RangeDecomposition:
     """Components, names and mean responses.
 

@@ -46,6 +46,7 @@ from processing.range_decomposition import (
     lattice,
 )
 from processing.range_fit import fit_places, slope_noise_gain
+from processing.remarks import Remark
 from processing.response import ResponseTables
 from processing.scattering import RivalFits, translucent_map
 
@@ -136,7 +137,7 @@ def decompose_ranges(
     )
     if noise is None:
         noise = noise_lines(stack.noise_variance(), white, mask)
-    warnings: tuple[str, ...] = (NOISE_UNKNOWN,) if np.isnan(noise).any() else ()
+    warnings: tuple[Remark, ...] = (NOISE_UNKNOWN,) if np.isnan(noise).any() else ()
     if blur is None:
         blur, unsure = measured_blur(stack, sample)
         warnings += unsure
@@ -298,18 +299,25 @@ def _fitted(located: _Located, optics: _Optics) -> Fits:
     return fits
 
 
-_NO_GRID = (
-    "the shifts are no full grid, so the harmonics of the pattern leak into one another by some "
-    "per cent; subsurface scattering is not told from inter-reflection, capture every pair of "
-    "shifts if it should be"
+_NO_GRID = Remark(
+    what="The shifts are no full grid, so the harmonics of the pattern leak into one another by "
+    "some per cent.",
+    meaning="Subsurface scattering is not told from inter-reflection and counts as it.",
+    remedy="Capture every pair of shifts, down and right, if the two should be told apart.",
 )
 
 
-def _cautions(coherence: Image) -> tuple[str, ...]:
+def _cautions(coherence: Image) -> tuple[Remark, ...]:
     lost = float(np.mean(coherence < _LEAST_COHERENCE))
     if lost < 0.01:
         return ()
     return (
-        f"{lost:.0%} of the pixels see no single place on the projector (depth edges, little "
-        "light, or motion): their direct light reads low",
+        Remark(
+            what=f"{lost:.0%} of the pixels see no single place on the projector: depth edges, "
+            "little light, or motion.",
+            meaning="Their direct light reads too low, and what is missing there counts as light "
+            "that travelled.",
+            remedy="Look at the map of uncertainty before using single pixels; more light, a "
+            "finer camera and a scene that stands still make them fewer.",
+        ),
     )

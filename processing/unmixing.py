@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.remarks import Remark
+
 # α of direct light at the finest pitch: below 1 by blur, but clearly above every other.
 _DIRECT_AT_LEAST = 0.5
 _DIRECT_LEAD = 0.25
@@ -40,14 +42,14 @@ class Unmixing:
     names
         ``direct``, ``subsurface``, ``interreflection``, or ``component-1`` and so on by place.
     warnings
-        What is unphysical, in words.
+        What is unphysical.
     """
 
     matrix: NDArray[np.float64]
     mixing: NDArray[np.float64]
     order: NDArray[np.int64]
     names: tuple[str, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[Remark, ...]
 
 
 def resolve(
@@ -143,29 +145,41 @@ def _is_light(alpha: NDArray[np.float64]) -> bool:
     return bool(np.all(alpha >= -_TOLERANCE) and np.all(alpha <= 1 + _TOLERANCE))
 
 
-def _unphysical(alpha: NDArray[np.float64]) -> tuple[str, ...]:
+def _unphysical(alpha: NDArray[np.float64]) -> tuple[Remark, ...]:
     if _is_light(alpha):
         return ()
     return (
-        f"blind separation failed here: α runs from {alpha.min():.2g} to {alpha.max():.2g} where "
-        "light stays between 0 and 1, so no component is named and none should be read as light; "
-        "the direct and global images of the finest resolved pitch are the better answer",
+        Remark(
+            what=f"Blind separation failed here: α runs from {alpha.min():.2g} to "
+            f"{alpha.max():.2g} where light stays between 0 and 1.",
+            meaning="No component is named, and none should be read as light.",
+            remedy="The direct and global images of the finest resolved pitch are the better "
+            "answer, or `--method ranges` where the session allows it.",
+        ),
     )
 
 
 def _warnings(
     names: tuple[str, ...], means: NDArray[np.float64], absent: NDArray[np.bool_]
-) -> tuple[str, ...]:
-    messages = []
+) -> tuple[Remark, ...]:
+    remarks = []
     for k, name in enumerate(names):
         if absent[:, k].any():
-            messages.append(
-                f"{name} is nearly absent from the white image, so its scale is uncertain; "
-                "it is no kind of light by itself: ask for fewer components"
+            remarks.append(
+                Remark(
+                    what=f"The component {name} is nearly absent from the white image.",
+                    meaning="Its scale is uncertain, and it is no kind of light by itself.",
+                    remedy="Ask for fewer components (`--components`).",
+                )
             )
         if (means[:, k] < 0).any():
-            messages.append(
-                f"{name} is negative on average in {np.count_nonzero(means[:, k] < 0)} of "
-                f"{means.shape[0]} colours, which no light is: do not read it as light"
+            remarks.append(
+                Remark(
+                    what=f"The component {name} is negative on average in "
+                    f"{np.count_nonzero(means[:, k] < 0)} of {means.shape[0]} colours.",
+                    meaning="No light is negative: do not read it as light, nor what the others "
+                    "hold too much in its place.",
+                    remedy="Ask for fewer components (`--components`), or take `--method ranges`.",
+                )
             )
-    return tuple(messages)
+    return tuple(remarks)

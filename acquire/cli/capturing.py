@@ -13,7 +13,7 @@ import typer
 from acquire import bag
 from acquire.cli.bench import PortOption, capture_page, setting_of
 from acquire.cli.interruption import stop_on_signals
-from acquire.cli.progress import ProgressDisplay
+from acquire.cli.progress import ProgressDisplay, tell
 from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
@@ -135,7 +135,7 @@ def import_command(
         session = import_table(table, out, transfer=transfer.value, progress=progress)
     typer.echo(f"{len(session.frames)} frames imported into {out}")
     for note in session.record.source.notes if session.record.source else ():
-        typer.echo(f"note: {note}")
+        tell(note, "note")
     typer.echo(f"next: lumisplit process {out} --out RESULT")
 
 

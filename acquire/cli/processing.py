@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquire.cli.capturing import AsJson, Quiet, Verbose, run_capture
-from acquire.cli.progress import ProgressDisplay
+from acquire.cli.progress import ProgressDisplay, tell
 from acquire.errors import ResultError
 from acquire.plan_file import example_text, parse_plan
 from acquire.rig import find_bench
@@ -135,6 +135,7 @@ def process_command(
                     "result": str(result_folder),
                     "components": list(result.record.components),
                     "warnings": list(result.record.warnings),
+                    "cautions": [one.model_dump() for one in result.record.cautions],
                     "report": str(report),
                 }
             )
@@ -198,8 +199,8 @@ def _process(
     used = profiles_for(session, profiles)
     with progress:
         result = process(session, out, options, progress, cluster, used)
-    for warning in result.record.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    for caution in result.record.cautions:
+        tell(caution, "warning", err=True)
     return result
 
 

@@ -7,6 +7,7 @@ import time
 from types import TracebackType
 from typing import Self
 
+import typer
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -19,8 +20,16 @@ from rich.progress import (
 )
 
 from acquire.plan import Step
+from acquire.session.records import Caution
 
 LINE_EVERY_S = 10.0
+
+
+def tell(caution: Caution, kind: str, *, err: bool = False) -> None:
+    """Say what was found, what it means and what to do, a line each."""
+    typer.echo(f"{kind}: {caution.what}", err=err)
+    typer.echo(f"  means: {caution.meaning}", err=err)
+    typer.echo(f"  do: {caution.remedy}", err=err)
 
 
 class ProgressDisplay:

@@ -33,7 +33,8 @@ from acquire.report.plates import (
 )
 from acquire.report.portraits import PortraitPlate, portrait_plates
 from acquire.report.run_drawing import drift_drawing, run_drawing
-from acquire.result import Caution, Result, ResultRecord
+from acquire.result import Result, ResultRecord
+from acquire.session.records import Caution
 
 METHODS = {
     "iva": "independent vector analysis",
@@ -79,7 +80,7 @@ class Content:
     facts: settings.Rows
     cautions: tuple[Caution, ...]
     warnings: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Caution, ...]
     white: WhitePlate
     components: tuple[ComponentPlate, ...]
     pitches: tuple[PitchPlate, ...]
@@ -105,14 +106,16 @@ def content_of(result: Result) -> Content:
         pitch_plate(result, pitch, white, measured, pitch_label(pitch, families))
         for pitch in spread_pitches(record.pitches)
     )
-    told = {caution.text for caution in record.cautions}
     notes = record.session.source.notes if record.session.source else ()
+    told = {caution.text for caution in record.cautions}
+    # Notes of earlier versions were one text without an end.
+    told |= {text for note in notes for text in (note.text, note.what, note.what[:-1])}
     return Content(
         title=_title(record),
         summary=_summary(record),
         facts=_facts(record),
-        cautions=record.cautions,
-        warnings=tuple(w for w in record.warnings if w not in notes and w not in told),
+        cautions=tuple(caution for caution in record.cautions if caution not in notes),
+        warnings=tuple(warning for warning in record.warnings if warning not in told),
         notes=notes,
         white=white,
         components=tuple(

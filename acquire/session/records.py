@@ -8,7 +8,7 @@ from enum import StrEnum
 from importlib import metadata
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, JsonValue
+from pydantic import AfterValidator, BeforeValidator, Field, JsonValue
 
 from acquire.plan import MAX_STEPS, PatternText
 from acquire.validation import StrictModel
@@ -114,13 +114,41 @@ class RunRecord(StrictModel):
     reason: str = ""
 
 
+Sentences = Annotated[str, Field(pattern=r"(?s)^\S.*[.]$")]
+
+
+class Caution(StrictModel):
+    """A warning that tells a person all three: what was found, what it means, what to do."""
+
+    what: Sentences
+    meaning: Sentences
+    remedy: Sentences
+
+    @property
+    def text(self) -> str:
+        """All of it, as one paragraph."""
+        return f"{self.what} {self.meaning} {self.remedy}"
+
+
+def _with_its_parts(note: object) -> object:
+    """A note of earlier versions, which was one text."""
+    if not isinstance(note, str):
+        return note
+    what = note.strip() or "An empty note."
+    return {
+        "what": what if what.endswith(".") else f"{what}.",
+        "meaning": "What that means was not written down when the frames were imported.",
+        "remedy": "Import them again, if it matters.",
+    }
+
+
 class SourceRecord(StrictModel):
-    """Where imported frames came from and how their numbers were read."""
+    """Where imported frames came from, how their numbers were read, and what to know of that."""
 
     table: str
     table_sha256: Sha256
     transfer: Transfer
-    notes: tuple[str, ...] = ()
+    notes: tuple[Annotated[Caution, BeforeValidator(_with_its_parts)], ...] = ()
 
 
 class SessionRecord(StrictModel):

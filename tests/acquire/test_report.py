@@ -21,8 +21,8 @@ from acquire.report.page import percent
 from acquire.report.pictures import UNLIT_RGB
 from acquire.report.plates import spread_pitches
 from acquire.report.settings import bench_toml, commands, run_row
-from acquire.result import Caution, PixelClass, ProofRecord, Result, write_tiff
-from acquire.session.records import RunRecord, SourceRecord, Transfer
+from acquire.result import PixelClass, ProofRecord, Result, write_tiff
+from acquire.session.records import Caution, RunRecord, SourceRecord, Transfer
 from acquire.tone import encode
 from processing.patterns import Family
 from tests.acquire.browsers import opened
@@ -190,6 +190,8 @@ def test_warnings_are_counted_before_the_pictures_and_notes_are_no_warnings(tmp_
     assert text.index('<a href="#warnings">1 warning:') < text.index("<img")
     assert text.count("The lamp drifted.") == 1
     assert text.count("8-bit pictures.") == 1
+    # Such sessions were written before notes had their parts.
+    assert "What that means was not written down" in text
 
 
 def test_a_caution_is_shown_in_its_three_parts_and_once(tmp_path: Path) -> None:
@@ -327,3 +329,16 @@ def test_page_in_a_browser(tmp_path: Path, playwright: Playwright, chromium: str
         assert visit.page.evaluate(f"{broken}.map(image => image.alt)") == []
         assert visit.complaints == []
         assert {a for a in visit.requested if not re.match("data:image/", a)} == {uri}
+
+
+def test_notes_of_an_import_are_shown_in_their_parts_and_are_no_warnings(tmp_path: Path) -> None:
+    note = Caution(what="No black frame.", meaning="Light stays in.", remedy="Take one.")
+    source = SourceRecord(
+        table="t.csv", table_sha256="1" * 64, transfer=Transfer.LINEAR, notes=(note,)
+    )
+    result = write_result(tmp_path / "r", source=source, warnings=(note.text,))
+    record = result.record.model_copy(update={"cautions": (note,)})
+    page = page_of(Result(result.folder, record))
+    assert "About the frames No black frame. Means Light stays in. Do Take one." in page.text
+    assert page.text.count("No black frame.") == 1
+    assert "No warnings" in page.text

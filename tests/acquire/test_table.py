@@ -89,7 +89,7 @@ def imported(table: Path, out: Path, **options: Any) -> Session:
 
 def notes_of(session: Session) -> str:
     assert session.record.source is not None
-    return "\n".join(session.record.source.notes)
+    return "\n".join(note.text for note in session.record.source.notes)
 
 
 def test_files_become_a_session_byte_for_byte(tmp_path: Path) -> None:
@@ -114,9 +114,14 @@ def test_files_become_a_session_byte_for_byte(tmp_path: Path) -> None:
 
 
 KINDS = {
-    "png-8": (png(), "auto", Transfer.SRGB, "8-bit pictures were linearised with the sRGB curve"),
+    "png-8": (
+        png(),
+        "auto",
+        Transfer.SRGB,
+        "The 8-bit pictures were linearised with",
+    ),
     "png-8-linear": (png(), "linear", Transfer.LINEAR, "8-bit pictures were taken as linear"),
-    "jpeg": (pillow("JPEG"), "auto", Transfer.SRGB, "JPEG compression"),
+    "jpeg": (pillow("JPEG"), "auto", Transfer.SRGB, "The pictures are JPEG files."),
     "tiff-8": (tiff(PIXELS), "auto", Transfer.SRGB, "sRGB curve"),
     "png-16": (png(PIXELS * np.uint16(257)), "auto", Transfer.LINEAR, "16-bit pictures were taken"),
     "png-16-srgb": (png(PIXELS * np.uint16(257)), "srgb", Transfer.SRGB, "16-bit pictures were li"),
@@ -410,12 +415,12 @@ def test_the_disk_is_asked_for_room_first(tmp_path: Path) -> None:
 
 
 MISSING = {
-    "white": (ROWS[1:], "there is no white frame; the maximum over the shifts stands in for it"),
-    "black": (ROWS[:1] + ROWS[2:], "there is no black frame"),
-    "shifts": (ROWS, "two shifts only at checker 8 px"),
+    "white": (ROWS[1:], "There is no white frame."),
+    "black": (ROWS[:1] + ROWS[2:], "There is no black frame."),
+    "shifts": (ROWS, "There are two shifts only at checker 8 px."),
     "switching": (
         (*ROWS[:3], "1.png,pattern,checker,8,0,2"),
-        "checker at pitch 8: 75.0% of the projector's pixels are never both lit and dark",
+        "At checker, pitch 8, 75.0% of the projector's pixels are never both lit and dark.",
     ),
 }
 

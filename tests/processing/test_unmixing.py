@@ -75,7 +75,7 @@ def test_what_white_does_not_hold_is_warned_of() -> None:
     unmixing, vectors = blind(mixing, 0)
     means = np.ones((3, 3)) @ np.linalg.qr(mixing)[1].T
     found = resolve(unmixing, vectors, PITCH_PX, means)
-    assert any("nearly absent from the white image" in text for text in found.warnings)
+    assert any("nearly absent from the white image" in one.what for one in found.warnings)
     mixing[-1, 2] = 0
     unmixing, vectors = blind(mixing, 0)
     assert np.all(np.isfinite(resolve(unmixing, vectors, PITCH_PX, means).matrix))
@@ -87,7 +87,7 @@ def test_negative_light_is_warned_of() -> None:
     means = np.tile([1.0, 1.0, 1.0], (3, 1))
     means[1, 2] = -1
     found = resolve(unmixing, vectors, PITCH_PX, means @ np.linalg.qr(mixing)[1].T)
-    assert found.warnings == (
-        "interreflection is negative on average in 1 of 3 colours, which no light is: do not "
-        "read it as light",
-    )
+    (remark,) = found.warnings
+    assert "interreflection is negative on average in 1 of 3 colours." in remark.what
+    assert "do not read it as light" in remark.meaning
+    assert remark.remedy
