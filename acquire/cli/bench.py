@@ -110,10 +110,7 @@ def paged(
     from acquire.page.desk import Desk
     from acquire.page.link import open_page
 
-    def gone() -> None:
-        progress.warning("the page at the bench has ended; the work goes on without it")
-
-    with open_page(setting, port, gone) as link:
+    with open_page(setting, port, progress.warning) as link:
         typer.echo(f"page: {link.address}", err=aside)
         yield Desk(link, progress.say, out)
 

@@ -8,12 +8,10 @@ import secrets
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 from pydantic import ValidationError
 
@@ -27,28 +25,36 @@ LOOPBACK = "127.0.0.1"
 CLOSING_LIMIT_S = 2.0
 LOOK_S = 0.5
 TOKEN_BYTES = 32
+MAX_STARTS = 5
+PATIENCE_S = 60.0  # the page goes last on a computer that has too much to do
 
 
 class PageLink:
     """Posts snapshots and pictures, and calls a listener with commands, from its own threads.
 
     What was posted and not yet sent is replaced by the next of its kind, so that neither a slow
-    nor a dead page holds the desk up.
+    nor a dead page holds the desk up. A page whose process has ended by itself is started again,
+    some times, at the same address.
 
     Parameters
     ----------
     address
         What a person opens in a browser.
-    channel
-        To the page's process.
-    gone
-        Called once when that process has ended by itself.
+    start
+        Starts the page's process; the channel to it.
+    warn
+        Told when that process has ended by itself.
     """
 
-    def __init__(self, address: str, channel: Channel, gone: Callable[[], None]) -> None:
+    def __init__(
+        self, address: str, start: Callable[[], Channel], warn: Callable[[str], None]
+    ) -> None:
         self.address = address
-        self._channel, self._gone = channel, gone
+        self._start, self._warn = start, warn
+        self._channel: Channel | None = start()
+        self._starts = 1
         self._listener: Callable[[BenchCommand], None] | None = None
+        self._snapshot: Message | None = None
         self._waiting: dict[str, Message] = {}
         self._news = threading.Condition()
         self._closed = False
@@ -56,9 +62,6 @@ class PageLink:
             threading.Thread(target=self._deliver, name="page-out", daemon=True),
             threading.Thread(target=self._hear, name="page-in", daemon=True),
         ]
-
-    def start(self) -> None:
-        """Begin to send and to listen."""
         for thread in self._threads:
             thread.start()
 
@@ -68,7 +71,8 @@ class PageLink:
 
     def post(self, snapshot: Snapshot) -> None:
         """Let the page know; returns at once."""
-        self._post(Message("snapshot", SNAPSHOT.dump_json(snapshot).decode()))
+        self._snapshot = Message("snapshot", SNAPSHOT.dump_json(snapshot).decode())
+        self._post(self._snapshot)
 
     def post_picture(self, media_type: str, data: bytes) -> None:
         """A picture or raw file of the camera while aiming; returns at once."""
@@ -78,51 +82,103 @@ class PageLink:
         """Send what is waiting and end."""
         with self._news:
             self._closed = True
-            self._news.notify()
+            self._news.notify_all()
         self._threads[0].join(CLOSING_LIMIT_S)
+        if self._channel is not None:
+            self._channel.close()
 
     def _post(self, message: Message) -> None:
         with self._news:
             if not self._closed:
                 self._waiting[message.kind] = message
-                self._news.notify()
+                self._news.notify_all()
 
     def _deliver(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._waiting or self._closed)
-                if not self._waiting:
+                self._news.wait_for(lambda: self._closed or (self._waiting and self._channel))
+                channel = self._channel
+                if channel is None or not self._waiting:
                     return
                 message = self._waiting.pop(next(iter(self._waiting)))
             try:
-                self._channel.send(message)
+                channel.send(message)
             except OSError:
-                self._lost()
-                return
+                self._lose(channel)
 
     def _hear(self) -> None:
-        while not self._closed:
-            try:
-                message = self._channel.receive(LOOK_S)
-            except (EOFError, OSError, ValueError):
-                self._lost()
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._closed or self._channel)
+                channel = self._channel
+            if self._closed or channel is None:
                 return
+            try:
+                message = channel.receive(LOOK_S)
+            except (EOFError, OSError, ValueError):
+                self._lose(channel)
+                continue
             if message is None or message.kind != "command" or self._listener is None:
                 continue
             with contextlib.suppress(ValidationError):
                 self._listener(BENCH_COMMAND.validate_json(message.text))
 
-    def _lost(self) -> None:
+    def _lose(self, channel: Channel) -> None:
+        """The other end is gone: start it again, but not for ever."""
         with self._news:
-            already, self._closed = self._closed, True
+            if self._closed or channel is not self._channel:
+                return
+            self._channel = None
+        channel.close()
+        again = self._starts < MAX_STARTS
+        self._warn(
+            "the page at the bench ended by itself and is started again at the same address"
+            if again
+            else "the page at the bench has ended; the work goes on without it"
+        )
+        started = self._start() if again else None
+        with self._news:
+            self._starts += 1
+            self._channel, self._closed = started, self._closed or not again
             self._waiting.clear()
-            self._news.notify()
-        if not already:
-            self._gone()
+            if self._snapshot is not None:
+                self._waiting[self._snapshot.kind] = self._snapshot
+            self._news.notify_all()
+
+
+class _Server:
+    """Starts the page's process on a socket that listens already; one at a time."""
+
+    def __init__(self, listening: socket.socket, token: str, setting: Setting) -> None:
+        self._listening, self._token = listening, token
+        self._setting = SETTING.dump_json(setting)
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> Channel:
+        """Start it, after the one before has ended, and tell it what never changes."""
+        self.end()
+        here, there = socket.socketpair()
+        with there:
+            self._process = _start(self._listening, there)
+        channel = Channel(here)
+        here.settimeout(PATIENCE_S)
+        with contextlib.suppress(OSError):  # it ended already; the link will notice
+            channel.send(Message("setting", self._token, self._setting))
+        return channel
+
+    def end(self) -> None:
+        """Its closed channel tells it to end."""
+        if self._process is None:
+            return
+        try:
+            self._process.wait(CLOSING_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
 
 @contextmanager
-def open_page(setting: Setting, port: int, gone: Callable[[], None]) -> Iterator[PageLink]:
+def open_page(setting: Setting, port: int, warn: Callable[[str], None]) -> Iterator[PageLink]:
     """Serve the page on a port of the loopback interface (0: any) while the context lasts.
 
     Parameters
@@ -131,8 +187,8 @@ def open_page(setting: Setting, port: int, gone: Callable[[], None]) -> Iterator
         What never changes.
     port
         TCP port.
-    gone
-        Called once, from another thread, when the page's process has ended by itself.
+    warn
+        Told, from another thread, when the page's process has ended by itself.
 
     Raises
     ------
@@ -140,21 +196,15 @@ def open_page(setting: Setting, port: int, gone: Callable[[], None]) -> Iterator
         The port is taken.
     """
     token = secrets.token_urlsafe(TOKEN_BYTES)
-    with _listening(port) as listening, tempfile.TemporaryFile() as stderr:
+    with _listening(port) as listening:
         address = f"http://{LOOPBACK}:{listening.getsockname()[1]}/{token}/"
-        here, there = socket.socketpair()
-        with there:
-            process = _start(listening, there, stderr)
-        channel = Channel(here)
-        link = PageLink(address, channel, gone)
+        server = _Server(listening, token, setting)
+        link = PageLink(address, server.start, warn)
         try:
-            channel.send(Message("setting", token, SETTING.dump_json(setting)))
-            link.start()
             yield link
         finally:
             link.close()
-            channel.close()
-            _end(process)
+            server.end()
 
 
 def _listening(port: int) -> socket.socket:
@@ -167,26 +217,15 @@ def _listening(port: int) -> socket.socket:
         ) from error
 
 
-def _start(
-    listening: socket.socket, there: socket.socket, stderr: IO[bytes]
-) -> subprocess.Popen[bytes]:
+def _start(listening: socket.socket, there: socket.socket) -> subprocess.Popen[bytes]:
     path = [str(Path(acquire.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     descriptors = (listening.fileno(), there.fileno())
     return subprocess.Popen(  # noqa: S603 - this interpreter and a module of this package
         [sys.executable, "-P", "-m", "acquire.page.process", *map(str, descriptors)],
         stdin=subprocess.DEVNULL,
-        stdout=stderr,
-        stderr=stderr,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         pass_fds=descriptors,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))},
         start_new_session=True,  # Ctrl+C is for the program, which then ends the page
     )
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """The closed channel tells it to end."""
-    try:
-        process.wait(CLOSING_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -18,9 +16,8 @@ from drivers.protocols import CameraSettings
 from drivers.sim.devices import SimulationConfig, build
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
-from tests import processes
 from tests.acquire.page.pages import Client
-from tests.processes import finish
+from tests.acquire.page.programs import Program
 from tests.screens.desk import PROJECTOR, Desk
 
 PLAN = "[pattern]\npitch_px = [16, 24]\nshifts = [2, 2]\n[projector]\nsettle_s = 0.02\n"
@@ -41,19 +38,12 @@ def camera(desk: Desk) -> Iterator[PtpIpServer]:
         yield server
 
 
-def start(desk: Desk, folder: Path, port: int) -> tuple[subprocess.Popen[str], Client]:
-    (folder / "plan.toml").write_text(PLAN)
-    (folder / "bench.toml").write_text(
+def start(desk: Desk, folder: Path, port: int) -> Program:
+    bench = (
         f'kind = "lab"\n[projector]\nmonitor = "{PROJECTOR}"\n'
         f'[camera]\naddress = "ptpip:127.0.0.1:{port}"\n'
     )
-    words = ["bench", str(folder / "plan.toml"), "--bench", str(folder / "bench.toml")]
-    process = processes.start(*words, "--out", str(folder / "s"), environment=desk.environment)
-    assert process.stdout is not None
-    line = next(line for line in process.stdout if line.startswith("page: "))
-    address = urlsplit(line.split()[-1])
-    origin = f"http://{address.netloc}"
-    return process, Client(f"ws://{address.netloc}{address.path}socket", origin)
+    return Program(folder, PLAN, bench, "bench", environment=desk.environment)
 
 
 def shows_desktop(desk: Desk) -> bool:
@@ -92,7 +82,8 @@ def test_aiming_and_capturing_in_turn_with_one_window(
 ) -> None:
     desk.run("xsetroot", "-solid", "#{:02x}{:02x}{:02x}".format(*DESKTOP))
     assert shows_desktop(desk)
-    process, viewer = start(desk, tmp_path, camera.address[1])
+    program = start(desk, tmp_path, camera.address[1])
+    viewer = program.viewer()
     viewer.shows("black")
     with watched(desk) as seen:
         viewer.ask(do="start")
@@ -113,12 +104,11 @@ def test_aiming_and_capturing_in_turn_with_one_window(
         viewer.does("aiming")
     assert len(seen) > 10
     assert not any(seen)
-    process.send_signal(signal.SIGTERM)
+    program.process.send_signal(signal.SIGTERM)
     viewer.does("ended")
     viewer.close()
-    output = finish(process)
-    assert process.returncode == 0, output
-    assert "Traceback" not in output
+    output = program.end()
+    assert program.process.returncode == 0, output
     assert Session.open(tmp_path / "s").complete
     assert 2 <= len(Session.open(tmp_path / "s-2").frames) < len(Session.open(tmp_path / "s").plan)
     assert shows_desktop(desk)

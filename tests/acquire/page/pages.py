@@ -33,7 +33,7 @@ class Served:
     link: PageLink
     desk: Desk
     commands: queue.Queue[BenchCommand] = field(default_factory=queue.Queue)
-    gone: queue.Queue[None] = field(default_factory=queue.Queue)
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def host(self) -> str:
@@ -148,8 +148,8 @@ def served(session: Path | None = None) -> Iterator[Served]:
         can_start=True,
         version="0",
     )
-    gone: queue.Queue[None] = queue.Queue()
-    with open_page(setting, 0, lambda: gone.put(None)) as link:
-        page = Served(link, Desk(link, lambda _: None, session), gone=gone)
+    warnings: list[str] = []
+    with open_page(setting, 0, warnings.append) as link:
+        page = Served(link, Desk(link, lambda _: None, session), warnings=warnings)
         page.desk.listen(page.commands.put)
         yield page

@@ -4,69 +4,47 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 
 from acquire.page.commands import Order
+from acquire.page.link import MAX_STARTS
 from acquire.page.state import Activity, Snapshot
 from acquire.session import Session
 from acquire.session.verification import problems
-from tests.acquire.page.pages import PATIENCE_S, Client, served
+from tests.acquire.page.pages import PATIENCE_S, served
+from tests.acquire.page.programs import Program, children
 
+needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 PLAN = "[pattern]\npitch_px = [8, 12]\nshifts = [4, 2]\n[projector]\nsettle_s = 0.05\n"
 BENCH = 'kind = "sim"\n[sim]\ncamera_px = [16, 20]\nprojector_px = [48, 64]\nreal_time = true\n'
 
 
-class Capture:
-    """A running capture and a viewer of its page."""
+class Capture(Program):
+    """A running capture and the viewer who commands it."""
 
     def __init__(self, folder: Path) -> None:
-        (folder / "plan.toml").write_text(PLAN)
-        (folder / "bench.toml").write_text(BENCH)
-        self.session = folder / "s"
-        words = ["capture", "plan.toml", "--out", "s", "--bench", "bench.toml", "--page"]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "acquire", *words],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        assert self.process.stdout is not None
-        line = next(line for line in self.process.stdout if line.startswith("page: "))
-        address = urlsplit(line.split()[-1])
-        self.viewer = Client(
-            f"ws://{address.netloc}{address.path}socket", f"http://{address.netloc}"
-        )
-
-    def end(self) -> str:
-        output, _ = self.process.communicate(timeout=PATIENCE_S)
-        assert "Traceback" not in output
-        return output
+        super().__init__(folder, PLAN, BENCH, "capture", "--page")
+        self.first = self.viewer()
 
 
 @pytest.fixture
 def capture(tmp_path: Path) -> Iterator[Capture]:
     capture = Capture(tmp_path)
     yield capture
-    capture.viewer.close()
-    if capture.process.poll() is None:
-        capture.process.kill()
-        capture.process.communicate()
+    capture.first.close()
+    capture.kill()
 
 
 def test_the_page_rests_and_stops_it_and_the_command_goes_on(
     capture: Capture, tmp_path: Path
 ) -> None:
-    viewer = capture.viewer
-    capture.viewer.has_done(2)
+    viewer = capture.first
+    capture.first.has_done(2)
     viewer.ask(do="pause")
     viewer.does("paused")
     viewer.ask(do="show", what="white")
@@ -79,8 +57,8 @@ def test_the_page_rests_and_stops_it_and_the_command_goes_on(
     assert 2 <= len(session.frames) < len(session.plan)
     assert viewer.state["progress"]["done"] == len(session.frames)
     again = Capture(tmp_path)
-    again.viewer.does("ended")
-    again.viewer.close()
+    again.first.does("ended")
+    again.first.close()
     again.end()
     assert again.process.returncode == 0
     session = Session.open(capture.session)
@@ -89,7 +67,7 @@ def test_the_page_rests_and_stops_it_and_the_command_goes_on(
 
 
 def test_the_pictures_are_the_frames_with_what_they_should_show(capture: Capture) -> None:
-    viewer = capture.viewer
+    viewer = capture.first
     viewer.until(lambda _: any(head.get("frame") for head, _ in viewer.pictures))
     viewer.does("ended")
     capture.end()
@@ -101,31 +79,49 @@ def test_the_pictures_are_the_frames_with_what_they_should_show(capture: Capture
             assert files[0].startswith(b"\x89PNG")
 
 
-def children(pid: int) -> list[int]:
-    return [
-        int(child)
-        for path in Path(f"/proc/{pid}/task").glob("*/children")
-        for child in path.read_text().split()
-    ]
-
-
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
-def test_a_page_that_is_killed_does_not_stop_it(capture: Capture) -> None:
-    capture.viewer.has_done(1)
-    for child in children(capture.process.pid):
-        os.kill(child, signal.SIGKILL)
-    output = capture.end()
+@needs_proc
+def test_a_page_that_is_killed_comes_back_with_the_truth(capture: Capture) -> None:
+    capture.first.has_done(1)
+    capture.first.ask(do="pause")
+    before = capture.first.does("paused")
+    (page,) = children(capture.process.pid)
+    os.kill(page, signal.SIGKILL)
+    again = capture.viewer()
+    state = again.does("paused")
+    assert state["progress"] == before["progress"]
+    assert state["holder"] == state["you"]
+    assert capture.frames == before["progress"]["done"]
+    again.ask(do="go-on")
+    again.does("ended")
+    again.close()
+    assert "started again" in capture.end()
     assert capture.process.returncode == 0
-    assert "goes on without it" in output
     assert Session.open(capture.session).complete
 
 
+@needs_proc
+def test_a_page_that_is_killed_again_and_again_is_given_up() -> None:
+    with served() as page:
+        for count in range(1, MAX_STARTS + 1):
+            deadline_s = time.monotonic() + PATIENCE_S
+            while len(page.warnings) < count:
+                assert time.monotonic() < deadline_s
+                for child in children(os.getpid()):
+                    with suppress(ProcessLookupError):
+                        os.kill(child, signal.SIGKILL)
+        for number in range(3):
+            page.desk.remark(f"note {number}")
+            page.desk.picture("image/png", bytes(1 << 20))
+        assert ["goes on without it" in text for text in page.warnings] == [False] * 4 + [True]
+    assert children(os.getpid()) == []
+
+
 def test_a_signal_ends_it_with_the_page_open(capture: Capture) -> None:
-    capture.viewer.has_done(1)
+    capture.first.has_done(1)
     capture.process.send_signal(signal.SIGTERM)
     capture.end()
     assert capture.process.returncode == 130
-    capture.viewer.does("ended")
+    capture.first.does("ended")
 
 
 def test_a_page_that_takes_nothing_does_not_hold_the_desk_up() -> None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -26,6 +23,7 @@ from drivers.raster import raster_digest
 from drivers.raw import decode_raw
 from drivers.sim.devices import SimulationConfig, build
 from processing.patterns import Pattern
+from tests.acquire.page.programs import Program
 from tests.acquire.page.test_darkroom import srgb
 
 if TYPE_CHECKING:
@@ -107,54 +105,11 @@ class Operator:
         self.until(f"{number} >= {now + count}")
 
 
-@dataclass
-class Lab:
-    """A running ``lumisplit bench``."""
-
-    folder: Path
-
-    def __post_init__(self) -> None:
-        (self.folder / "plan.toml").write_text(PLAN)
-        (self.folder / "bench.toml").write_text(BENCH)
-        self.session = self.folder / "session"
-        words = ["bench", "plan.toml", "--out", "session", "--bench", "bench.toml"]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "acquire", *words],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert self.process.stdout is not None
-        self.address = self.process.stdout.readline().split()[-1]
-
-    @property
-    def lines(self) -> int:
-        path = self.session / "frames.jsonl"
-        return path.read_bytes().count(b"\n") if path.exists() else 0
-
-    def until_lines(self, count: int) -> None:
-        deadline_s = time.monotonic() + PATIENCE_S
-        while self.lines < count:
-            assert time.monotonic() < deadline_s
-            time.sleep(0.01)
-
-    def end(self, number: int = signal.SIGTERM) -> int:
-        self.process.send_signal(number)
-        _, stderr = self.process.communicate(timeout=PATIENCE_S)
-        assert "Traceback" not in stderr
-        return self.process.returncode
-
-
 @pytest.fixture
-def lab(tmp_path: Path) -> Iterator[Lab]:
-    lab = Lab(tmp_path)
+def lab(tmp_path: Path) -> Iterator[Program]:
+    lab = Program(tmp_path, PLAN, BENCH, "bench")
     yield lab
-    if lab.process.poll() is None:
-        lab.process.kill()
-        lab.process.communicate()
+    lab.kill()
 
 
 PIXELS = """() => {
@@ -189,7 +144,7 @@ def simulated(
 
 
 def test_aiming_capturing_and_a_browser_that_dies(
-    lab: Lab, playwright: Playwright, chromium: str
+    lab: Program, playwright: Playwright, chromium: str
 ) -> None:
     operator = Operator(playwright, chromium, lab.address)
     look_and_aim(operator)
@@ -203,7 +158,8 @@ def test_aiming_capturing_and_a_browser_that_dies(
     assert [problem for problem in problems(session) if problem] == []
     assert operator.troubles == []
     assert operator.requested == {urlsplit(lab.address).netloc}
-    assert lab.end(signal.SIGINT) == 0
+    lab.end(signal.SIGINT)
+    assert lab.process.returncode == 0
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", int(urlsplit(lab.address).port or 0)), 5)
 
@@ -265,45 +221,47 @@ def second_viewer_only_watches(operator: Operator) -> None:
     operator.until(COMMANDS)
 
 
-def start_rest_and_go_on(operator: Operator, lab: Lab) -> None:
+def start_rest_and_go_on(operator: Operator, lab: Program) -> None:
     page = operator.page
     page.click("#start")
     operator.activity("capturing")
-    lab.until_lines(3)
+    lab.until_frames(3)
     page.click("#pause")
     operator.activity("paused")
-    at_rest = lab.lines
+    at_rest = lab.frames
     page.keyboard.press("Space")
     assert page.is_visible("#darkness")
     page.keyboard.press("Space")
     assert not page.is_visible("#darkness")
     time.sleep(0.5)
-    assert lab.lines == at_rest
+    assert lab.frames == at_rest
     page.click("#go-on")
-    lab.until_lines(at_rest + 2)
+    lab.until_frames(at_rest + 2)
     operator.until("document.getElementById('camera').dataset.step !== ''")
     page.click("#stop")
     operator.activity("aiming")
-    assert lab.lines < 26
+    assert lab.frames < 26
     page.click("#start")
     operator.activity("capturing")
 
 
-def die_and_come_back(lab: Lab, playwright: Playwright, chromium: str) -> None:
+def die_and_come_back(lab: Program, playwright: Playwright, chromium: str) -> None:
     """The browser was closed in mid-capture; a new one sees what is true."""
-    before = lab.lines
-    lab.until_lines(before + 2)
+    before = lab.frames
+    lab.until_frames(before + 2)
     operator = Operator(playwright, chromium, lab.address)
     operator.until("document.getElementById('done').value > 0")
     done = operator.page.evaluate("document.getElementById('done').value")
-    assert before + 2 <= done <= lab.lines
-    lab.until_lines(26)
+    assert before + 2 <= done <= lab.frames
+    lab.until_frames(26)
     operator.activity("aiming")
     assert operator.page.inner_text("#count") == "26 of 26"
     operator.browser.close()
 
 
-def test_a_picture_is_seen_pixel_for_pixel(lab: Lab, playwright: Playwright, chromium: str) -> None:
+def test_a_picture_is_seen_pixel_for_pixel(
+    lab: Program, playwright: Playwright, chromium: str
+) -> None:
     operator = Operator(playwright, chromium, lab.address)
     page = operator.page
     operator.activity("aiming")
@@ -331,6 +289,7 @@ def test_a_picture_is_seen_pixel_for_pixel(lab: Lab, playwright: Playwright, chr
     assert page.evaluate("document.documentElement.classList.contains('red')")
     operator.next_pictures()
     assert operator.troubles == []
-    assert lab.end(signal.SIGTERM) == 0
+    lab.end(signal.SIGTERM)
+    assert lab.process.returncode == 0
     operator.activity("ended")
     operator.browser.close()
