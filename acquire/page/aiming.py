@@ -13,6 +13,7 @@ from acquire.page.chart import shown_raster
 from acquire.page.commands import BenchCommand, Expose, Look, Show
 from acquire.page.desk import Desk
 from acquire.page.state import Activity, CameraView, Shown, Snapshot, Source
+from acquire.plan import ProjectorPlan
 from drivers.errors import CameraError, DriverError
 from drivers.media import media_type
 from drivers.protocols import CameraSettings, Devices, LiveCamera
@@ -40,8 +41,8 @@ class Aiming:
         Told of everything.
     view
         What the camera does to begin with.
-    gamma
-        Of the projector, for patterns that are not only black and white.
+    projector
+        As the plan has it: with its response.
     goes_on
         Asked again and again; when it says no, aiming is over.
     """
@@ -51,11 +52,11 @@ class Aiming:
         devices: Devices,
         desk: Desk,
         view: CameraView,
-        gamma: float,
+        projector: ProjectorPlan,
         goes_on: Callable[[], bool],
     ) -> None:
         self._devices, self._desk, self._goes_on = devices, desk, goes_on
-        self._gamma = gamma
+        self._projector = projector
         self.commands: queue.Queue[BenchCommand] = queue.Queue(maxsize=32)
         self.view = view
         self._live: Generator[bytes] | None = None
@@ -93,7 +94,7 @@ class Aiming:
     def _show(self, what: str) -> None:
         projector = self._devices.projector
         try:
-            raster = shown_raster(what, projector.resolution, self._gamma)
+            raster = shown_raster(what, projector.resolution, self._projector)
         except ValueError as error:
             raise BenchError(f"{error}.") from error
         projector.show(raster)

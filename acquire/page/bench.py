@@ -171,7 +171,7 @@ class PagedBench:
                 devices,
                 self._desk,
                 self._view or first_view(devices, self._plan.camera.settings),
-                self._plan.projector.gamma,
+                self._plan.projector,
                 lambda: self._wish is _Wish.AIM and not self._stop.is_set(),
             )
             try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from acquire.plan import ProjectorPlan
 from drivers.protocols import Raster
 from processing.patterns import Pattern
 
@@ -12,7 +13,7 @@ SPOKES = 36
 MAX_PITCH_PX = 100_000
 
 
-def shown_raster(what: str, resolution: tuple[int, int], gamma: float = 1.0) -> Raster:
+def shown_raster(what: str, resolution: tuple[int, int], projector: ProjectorPlan) -> Raster:
     """The raster of ``chart`` or of a pattern's text.
 
     Parameters
@@ -21,8 +22,8 @@ def shown_raster(what: str, resolution: tuple[int, int], gamma: float = 1.0) -> 
         ``chart``, ``white``, ``checker:8:0,2`` and the like.
     resolution
         (height, width) of the projector in pixels.
-    gamma
-        Of the projector.
+    projector
+        As the plan has it: with its response.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def shown_raster(what: str, resolution: tuple[int, int], gamma: float = 1.0) -> 
     pattern = Pattern.parse(what)
     if max(pattern.pitch_px, pattern.shift_y_px, pattern.shift_x_px) > MAX_PITCH_PX:
         raise ValueError(f"{what}: pitch and shifts are at most {MAX_PITCH_PX} px")
-    return pattern.raster(resolution, gamma)
+    return projector.raster(pattern, resolution)
 
 
 def focus_chart(resolution: tuple[int, int]) -> Raster:

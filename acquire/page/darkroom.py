@@ -130,12 +130,12 @@ def printed(picture: Negative, wanted: Box | None) -> Print:
 
 
 def printed_raster(raster: NDArray[np.uint8]) -> bytes:
-    """A grey raster as a PNG of at most a screen's size."""
-    factor = max(1.0, max(raster.shape) / SCREEN_PX)
+    """A raster, grey or red first, as a PNG of at most a screen's size."""
+    factor = max(1.0, max(raster.shape[:2]) / SCREEN_PX)
     if factor > 1:
         size = round(raster.shape[1] / factor), round(raster.shape[0] / factor)
         raster = np.asarray(cv2.resize(raster, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return png(raster)
+    return png(raster if raster.ndim == 2 else raster[..., ::-1])
 
 
 def _inside(wanted: Box | None, size_px: tuple[int, int]) -> Box:

@@ -24,6 +24,7 @@ from acquire.page.helm import Helm
 from acquire.page.session_view import LastFrame, SessionView
 from acquire.page.state import SNAPSHOT, Activity, Setting, Snapshot
 from acquire.page.viewer import Viewer, packed, packed_print
+from acquire.plan import ProjectorPlan
 from drivers.errors import DriverError
 from drivers.window_channel import Message
 
@@ -57,10 +58,12 @@ class Hub:
         self._prints: dict[Box | None, Print] = {}
         self._comparison: tuple[int, bytes] | None = None
         self._trouble = ""
+        self._heard_s = time.monotonic()
         self._free_bytes: int | None = None
 
     def hear(self, message: Message) -> None:
         """Take a message from the desk."""
+        self._heard_s = time.monotonic()
         if message.kind == "picture":
             self._arrived = message
             self._work.set()
@@ -118,7 +121,7 @@ class Hub:
         return True
 
     async def tick(self) -> None:
-        """Once a second: who commands, and the disk; as long as the page is served."""
+        """Once a second: who commands, the disk, a sign of life; as long as the page is served."""
         while True:
             self._helm = self._helm.at(time.monotonic())
             self._work.set()  # a frame that was taken again is not told of
@@ -127,6 +130,8 @@ class Hub:
                 there = next(path for path in (folder, *folder.parents) if path.exists())
                 with suppress(OSError):
                     self._free_bytes = shutil.disk_usage(there).free
+            for viewer in self.viewers.values():
+                viewer.is_due = True
             self._tell_all()
             await asyncio.sleep(TICK_S)
 
@@ -138,6 +143,12 @@ class Hub:
             if not self.viewers:
                 continue
             await asyncio.sleep(await self._develop_newest())
+
+    def life_for(self, viewer: Viewer) -> str | None:
+        """A sign of life, with the time since the desk was heard; None when it is not due."""
+        due, viewer.is_due = viewer.is_due, False
+        silent_s = round(time.monotonic() - self._heard_s)
+        return json.dumps({"kind": "alive", "silent_s": silent_s}) if due else None
 
     async def state_for(self, viewer: Viewer) -> str:
         """What this viewer is told, as JSON."""
@@ -155,6 +166,8 @@ class Hub:
             loop = asyncio.get_running_loop()
             shown = await loop.run_in_executor(self._darkroom, printed, picture, box)
             if self._picture is not None and self._picture[0] == number:
+                looked_at = {one.box for one in self.viewers.values()}
+                self._prints = {old: self._prints[old] for old in looked_at & set(self._prints)}
                 self._prints[box] = shown
         else:
             shown = self._prints[box]
@@ -182,8 +195,8 @@ class Hub:
             return None
         viewer.projector = what
         plan = self.setting.plan
-        gamma = plan.projector.gamma if plan else 1.0
-        draw = partial(_drawn, what, self.setting.projector_px, gamma)
+        projector = plan.projector if plan else ProjectorPlan()
+        draw = partial(_drawn, what, self.setting.projector_px, projector)
         file = await asyncio.get_running_loop().run_in_executor(self._darkroom, draw)
         return packed({"kind": "projector", "what": what}, file)
 
@@ -265,5 +278,5 @@ def _packed(number: int, frame: LastFrame) -> bytes:
     return packed({"kind": "comparison", "number": number, "span": SPAN, **about}, *files)
 
 
-def _drawn(what: str, projector_px: tuple[int, int], gamma: float) -> bytes:
-    return printed_raster(shown_raster(what, projector_px, gamma))
+def _drawn(what: str, projector_px: tuple[int, int], projector: ProjectorPlan) -> bytes:
+    return printed_raster(shown_raster(what, projector_px, projector))

@@ -18,6 +18,7 @@ import uvicorn
 from acquire.page.commands import MAX_COMMAND_BYTES
 from acquire.page.guard import Guard
 from acquire.page.hub import Hub
+from acquire.page.patience import ImpatientProtocol, let_go_of_deaf
 from acquire.page.server import application
 from acquire.page.state import SETTING
 from drivers.window_channel import Channel, Message
@@ -45,12 +46,13 @@ async def _serve(listening: socket.socket, channel: Channel, first: Message) -> 
     hub = Hub(
         SETTING.validate_json(first.data), lambda text: channel.send(Message("command", text))
     )
+    let_go_of_deaf(listening)
     port: int = listening.getsockname()[1]
     server = uvicorn.Server(
         uvicorn.Config(
             Guard(application(hub), port, first.text),
             loop="asyncio",
-            http="h11",
+            http=ImpatientProtocol,
             ws="websockets-sansio",
             ws_max_size=MAX_COMMAND_BYTES,
             ws_per_message_deflate=False,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from importlib import resources
 from typing import Final
@@ -19,6 +20,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from acquire.page.commands import COMMAND, MAX_COMMAND_BYTES, Helm, Ready, Region
 from acquire.page.hub import Hub
+from acquire.page.patience import UNREAD_LIMIT_S
 from acquire.page.state import Setting
 from acquire.page.viewer import Viewer
 from acquire.validation import explain
@@ -100,7 +102,7 @@ async def _attend(hub: Hub, websocket: WebSocket) -> None:
 
 async def _tell(hub: Hub, viewer: Viewer, websocket: WebSocket) -> None:
     """Send what is new, as fast as this browser takes it; what is old by then is not sent."""
-    with suppress(WebSocketDisconnect):
+    with suppress(WebSocketDisconnect, TimeoutError):
         await _keep_telling(hub, viewer, websocket)
 
 
@@ -108,20 +110,33 @@ async def _keep_telling(hub: Hub, viewer: Viewer, websocket: WebSocket) -> None:
     while True:
         await viewer.news.wait()
         viewer.news.clear()
-        state = await hub.state_for(viewer)
-        if state != viewer.state:
-            viewer.state = state
-            await websocket.send_text(state)
-        if viewer.ready and (picture := await hub.picture_for(viewer)) is not None:
-            viewer.ready = False
-            await websocket.send_bytes(picture)
-        if (comparison := hub.comparison_for(viewer)) is not None:
-            await websocket.send_bytes(comparison)
-        if (raster := await hub.projector_for(viewer)) is not None:
-            await websocket.send_bytes(raster)
+        async for message in _news(hub, viewer):
+            # Who takes nothing holds neither a place nor the command.
+            async with asyncio.timeout(UNREAD_LIMIT_S):
+                if isinstance(message, str):
+                    await websocket.send_text(message)
+                else:
+                    await websocket.send_bytes(message)
         if hub.ended:
             await websocket.close()
             return
+
+
+async def _news(hub: Hub, viewer: Viewer) -> AsyncIterator[str | bytes]:
+    """What this viewer does not have yet."""
+    state = await hub.state_for(viewer)
+    if state != viewer.state:
+        viewer.state = state
+        yield state
+    if (life := hub.life_for(viewer)) is not None:
+        yield life
+    if viewer.ready and (picture := await hub.picture_for(viewer)) is not None:
+        viewer.ready = False
+        yield picture
+    if (comparison := hub.comparison_for(viewer)) is not None:
+        yield comparison
+    if (raster := await hub.projector_for(viewer)) is not None:
+        yield raster
 
 
 async def _listen(hub: Hub, viewer: Viewer, websocket: WebSocket) -> None:

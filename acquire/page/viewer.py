@@ -27,6 +27,8 @@ class Viewer:
         Whether it has shown its last picture.
     state, picture, compared, projector
         Keys of what it was sent last.
+    is_due
+        Whether it should hear that the page is alive.
     pattern
         What its last picture should show; empty for one that was only looked at.
     """
@@ -38,6 +40,7 @@ class Viewer:
     picture: tuple[int, Box | None] | None = None
     compared: int = 0
     projector: str = ""
+    is_due: bool = False
     pattern: str = ""
     news: asyncio.Event = field(default_factory=asyncio.Event)
     _allowance: float = BURST

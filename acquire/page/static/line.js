@@ -1,30 +1,57 @@
 // The socket to the page's process: JSON comes as text, pictures as one binary message each.
 
-const RETRY_MS = 1000;
+// The page's process says once a second that it is there. Whoever hears nothing (a sleeping computer,
+// a cut line, a process that hangs) must not take for true what is on the screen.
+const RETRY_MS = 1000, SILENT_MS = 4000, GIVEN_UP_MS = 12_000;
 
 export class Line {
   constructor(hear) {
     this.hear = hear;
     this.over = false;
+    this.lost = false;
     this.open();
+    setInterval(() => this.listen(), 1000);
   }
 
   open() {
     const address = new URL("socket", location.href);
     address.protocol = "ws:";
-    this.socket = new WebSocket(address);
-    this.socket.binaryType = "arraybuffer";
-    this.socket.onmessage = (event) =>
+    this.heard = Date.now();
+    const socket = this.socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = (event) => {
+      this.heard = Date.now();
+      if (this.lost) this.hear({ kind: "back" });
+      this.lost = false;
       this.hear(typeof event.data === "string" ? JSON.parse(event.data) : unpack(event.data));
-    this.socket.onclose = () => {
-      if (this.over) return;
-      this.hear({ kind: "lost" });
-      setTimeout(() => this.open(), RETRY_MS);
     };
+    socket.onclose = () => this.again();
+  }
+
+  // Sleep stops timers: the first look afterwards finds a long silence.
+  listen() {
+    const silent = Date.now() - this.heard;
+    if (this.over || silent < SILENT_MS) return;
+    this.lose();
+    if (silent > GIVEN_UP_MS) this.again();
+  }
+
+  lose() {
+    if (!this.lost) this.hear({ kind: "lost", since: this.heard });
+    this.lost = true;
+  }
+
+  again() {
+    if (this.over) return;
+    this.lose();
+    this.socket.onclose = this.socket.onmessage = null;
+    this.socket.close();
+    this.heard = Date.now();
+    setTimeout(() => this.open(), RETRY_MS);
   }
 
   ask(command) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(command));
+    if (this.socket.readyState === WebSocket.OPEN && !this.lost) this.socket.send(JSON.stringify(command));
   }
 }
 

@@ -3,7 +3,7 @@
 import { Line } from "./line.js";
 import { Beside } from "./beside.js";
 import { PictureView, drawHistogram, drawSharpness, sized } from "./picture.js";
-import { press, put, showFrame, showState } from "./panels.js";
+import { press, put, showFrame, showSilence, showState } from "./panels.js";
 
 const SPAN_MS = 60_000, AUTO_AFTER_MS = 5000;
 const CLIPPED = 1, UNLIT = 2;
@@ -33,11 +33,32 @@ async function hear(message) {
     await showRaster(message);
   } else if (message.kind === "refused") {
     put("standing", message.why);
+  } else if (message.kind === "alive") {
+    showSilence(state, message.silent_s);
   } else if (message.kind === "lost") {
-    put("activity", "connection lost");
-    element("activity").dataset.activity = "lost";
-    light();
+    lose(message.since);
+  } else if (message.kind === "back") {
+    comeBack();
   }
+}
+
+// A room that is dark stays dark: the darkness says so itself, in faint red.
+function lose(since) {
+  const moment = new Date(since).toLocaleTimeString();
+  put("stale", `no connection since ${moment}: what is shown is from then; trying again`);
+  put("darkness", "no connection");
+  element("activity").dataset.activity = "lost";
+  document.body.classList.add("stale");
+  document.querySelector("main").inert = element("helm").inert = true;
+}
+
+function comeBack() {
+  put("stale", "");
+  put("darkness", "");
+  document.body.classList.remove("stale");
+  document.querySelector("main").inert = element("helm").inert = false;
+  if (state) element("activity").dataset.activity = state.activity;
+  view.askAgain();
 }
 
 async function showPicture(head) {

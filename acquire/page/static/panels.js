@@ -3,7 +3,7 @@
 const element = (id) => document.getElementById(id);
 const DOING = {
   opening: "opening the bench", aiming: "aiming", resting: "devices let go",
-  capturing: "capturing", paused: "paused", ended: "ended", lost: "connection lost",
+  capturing: "capturing", paused: "paused", ended: "ended",
 };
 
 export function showState(state) {
@@ -79,6 +79,13 @@ function showPlan(state) {
   const needed = progress ? `, ${bytes(progress.needed_bytes)} needed` : "";
   put("disk", free == null ? "–" : `${bytes(free)} free${needed}`);
   element("disk").classList.toggle("differs", Boolean(progress && free != null && progress.needed_bytes > free));
+}
+
+// A capture of which nothing is heard may hang, and may only expose for long.
+export function showSilence(state, silent_s) {
+  const { frame_s } = state?.progress ?? {};
+  const late = state?.activity === "capturing" && silent_s > 10 + 3 * (frame_s ?? 10);
+  put("silence", late ? `nothing heard of the bench for ${duration(silent_s)}` : "");
 }
 
 export function showFrame(frame) {

@@ -14,6 +14,7 @@ export class PictureView {
     this.scale = null; // screen pixels for a pixel of the picture; null: fitted
     this.centre = [0, 0];
     this.pointer = null;
+    this.region_wanted = "null";
     this.drawn = () => {};
     new ResizeObserver(() => this.resize()).observe(canvas);
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
@@ -103,6 +104,12 @@ export class PictureView {
     }
     Object.assign(canvas.dataset, { left, top, scale, number: head.number, step: head.frame?.step ?? "" });
     this.drawn();
+  }
+
+  // A new line knows nothing of what this viewer looks at.
+  askAgain() {
+    this.region_wanted = "null";
+    this.changed();
   }
 
   changed() {

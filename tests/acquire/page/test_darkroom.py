@@ -16,6 +16,7 @@ from acquire.page.darkroom import (
     negative,
     printed,
 )
+from acquire.plan import ProjectorPlan
 from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.devices import SimulationConfig, build
@@ -134,4 +135,4 @@ def test_the_chart_reaches_every_edge_and_has_single_pixels(resolution: tuple[in
 @pytest.mark.parametrize("what", ["", "checker", "checker:0", "checker:" + "9" * 40, "../white"])
 def test_what_is_no_pattern_is_refused(what: str) -> None:
     with pytest.raises(ValueError, match=r"pattern|pitch|at most"):
-        shown_raster(what, (48, 64))
+        shown_raster(what, (48, 64), ProjectorPlan())
