@@ -156,7 +156,11 @@ class Iva:
             noise=found.noise,
             shares=tuple(found.shares.tolist()),
             cost=tuple(found.cost.tolist()),
-            used={"n_components": n_components, "smoothing_px_used": found.smoothing_px},
+            used={
+                "n_components": n_components,
+                "significant_components": found.significant,
+                "smoothing_px_used": found.smoothing_px,
+            },
             cautions=_cautions(found.warnings),
         )
 

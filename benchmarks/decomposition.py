@@ -3,7 +3,8 @@
 Relative errors ‖estimate − truth‖/‖truth‖ over lit, unsaturated pixels and all colours, and after
 the best single gain a colour in parentheses. The single pitch is max and min with the complement,
 at the pitch that only the truth can choose (oracle) and at the finest; its global light stands
-under the component that the scene has beside direct light, or under both. Blind components are
+under the component that the scene has beside direct light, or under both; the same with correlation
+instead of extrema. Blind components are
 matched to the truth by best assignment. Near and far range from differences of pitches are the
 finest pitch, what a coarser one adds to it, and the rest; FastICA and NMF are scikit-learn's, and
 only their errors after the best gains mean anything.
@@ -30,6 +31,7 @@ from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
+from processing.correspondence import decode
 from processing.decomposition import decompose_iva
 from processing.gathering import HarmonicsStack
 from processing.gradients import gradient_samples
@@ -40,9 +42,12 @@ from processing.metrics import (
     relative_error,
     relative_error_with_gains,
 )
+from processing.optics import Sample, measured_blur, tables_for
 from processing.patterns import Family
 from processing.range_decomposition import RangeDecomposition
+from processing.range_fit import slopes
 from processing.ranges import decompose_ranges
+from processing.response import BINS_PER_PX, ResponseTables
 from processing.separation import ExtremaSeparation
 
 Image = NDArray[np.float32]
@@ -137,6 +142,46 @@ def single_pitch(run: Captured) -> Iterator[tuple[str, list[str]]]:
         yield f"{label} ({pitch_px} px)", cells({"direct": direct} | shared, run, run.white)
 
 
+def correlated(run: Captured) -> Iterator[tuple[str, list[str]]]:
+    """Slopes of the frames with the pattern that each pixel is found to see, pitch by pitch."""
+    harmonics = run.stack.harmonics(run.white, slice(None))[:, :, run.mask]
+    sample = Sample(harmonics, run.white[run.mask], run.mask, 1)
+    blur, _ = measured_blur(run.stack, sample)
+    tables = tables_for(run.stack, blur, np.zeros(1))
+    places = decode(harmonics, run.stack.designs, tables, run.stack.projector_px)
+    shapes = sample.footprints(places.place_px.mean(axis=-1))
+    images = np.zeros((len(run.rows), *run.white.shape), np.float32)
+    for colour, (one, table) in enumerate(zip(blur, tables, strict=True)):
+        gains = one.gains(table.pitch_px, table.varies, shapes)
+        seen = places.place_px[..., colour]
+        both = slopes(harmonics[..., colour], seen, table, gains)
+        weights = energies(seen, table, gains)
+        images[:, run.mask, colour] = (np.sum(both * weights, -1) / np.sum(weights, -1)).T
+    chosen = oracle(errors_of(images, run.truth["direct"], run.mask)).index
+    for label, index in (("oracle's", chosen), ("finest", 0)):
+        pitch_px = run.stack.designs[index].pitch_px
+        shared = dict.fromkeys(NAMES[1:], run.white - images[index])
+        estimates = {"direct": images[index]} | shared
+        yield (
+            f"single pitch by correlation, {label} ({pitch_px} px)",
+            cells(estimates, run, run.white),
+        )
+
+
+def energies(
+    places: NDArray[np.float64], table: ResponseTables, gains: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Weight of both diagonals, (n, pitches, 2), to the nearest entry of the tables."""
+    found = np.empty(gains.shape)
+    for k, pitch_px in enumerate(table.pitch_px):
+        down, right = (
+            along[table.first[k] + ((place % (2 * pitch_px)) * BINS_PER_PX).astype(int), 0]
+            for along, place in zip((table.down, table.right), places, strict=True)
+        )
+        found[:, k] = np.abs(down * right)[:, np.newaxis] ** 2 * gains[:, k] ** 2
+    return np.maximum(found, 1e-12)
+
+
 def blind(run: Captured) -> tuple[str, list[str]]:
     pitches = [float(design.pitch_px) for design in run.stack.designs]
     found = decompose_iva([*run.rows, run.white], [*pitches, np.inf], run.mask)
@@ -216,7 +261,7 @@ def report(scene: str, condition: str, run: Captured) -> None:
     found, elapsed_s, row = ranged(run)
     print(f"\n## {scene}, {condition}, {run.mask.shape[0]} × {run.mask.shape[1]}")
     print("| method | direct | subsurface | inter-reflection | not direct |\n|---|---|---|---|---|")
-    others = [*single_pitch(run), differences(run), blind(run), *factorised(run)]
+    others = [*single_pitch(run), *correlated(run), differences(run), blind(run), *factorised(run)]
     for label, one in [*others, ("ranges (default)", row)]:
         print(f"| {label} | " + " | ".join(one) + " |")
     blur = ", ".join(f"{np.sqrt(one.side_px2):.2f}" for one in found.blur)

@@ -50,6 +50,8 @@ class Decomposition:
         `processing.unmixing_confidence`.
     shares
         float64, (m,), of the principal components of D.
+    significant
+        How many principal components of D stand above its noise.
     cost
         float64, (n_iterations + 1,), of AuxIVA, per sample.
     smoothing_px
@@ -67,6 +69,7 @@ class Decomposition:
     mixing: NDArray[np.float64]
     mixing_half_width: NDArray[np.float64]
     shares: NDArray[np.float64]
+    significant: int
     cost: NDArray[np.float64]
     smoothing_px: float
     noise: float
@@ -144,6 +147,7 @@ def decompose_iva(
         mixing=unmixing.mixing,
         mixing_half_width=half_width,
         shares=principal.shares,
+        significant=int(np.sum(principal.shares >= _least_share(principal, noise))),
         cost=found.cost,
         smoothing_px=smoothing_px,
         noise=noise / float(np.percentile(rows[-1][mask], 99.9)),
@@ -188,15 +192,20 @@ def _insignificant(
     principal: PrincipalComponents, n_components: int, noise: float
 ) -> tuple[Remark, ...]:
     """Warn of principal components that hold little more than noise alone would."""
-    noise_share = noise**2 / (principal.mean_square * len(principal.shares))
+    least_share = _least_share(principal, noise)
     return tuple(
         Remark(
             what=f"Principal component {k + 1} is not significant: its share is {share:.1e}, that "
-            f"of noise alone {noise_share:.1e}.",
+            f"of noise alone {least_share / 2:.1e}.",
             meaning="One of the components is made of noise, and the others may have lost light "
             "to it.",
             remedy="Ask for fewer components (`--components`).",
         )
         for k, share in enumerate(principal.shares[:n_components])
-        if share < 2 * noise_share
+        if share < least_share
     )
+
+
+def _least_share(principal: PrincipalComponents, noise: float) -> float:
+    """Share of a component that is significant: twice that of noise alone."""
+    return 2 * noise**2 / (principal.mean_square * len(principal.shares))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from acquire.cli.main import app
 from acquire.cluster import PARKED, connected
 from acquire.errors import ResultError, StackError
 from acquire.pipeline import Options, process
@@ -107,6 +110,22 @@ def test_a_cluster_gives_the_same_bytes(
     assert contents(tmp_path / "here") == contents(tmp_path / "there")
     assert not (tmp_path / "there" / PARKED).exists()
     assert observer.units >= len(session.frames)
+
+
+def test_one_call_processes_several_sessions(
+    tmp_path: Path, session: Session, machines: Machines
+) -> None:
+    sessions = [tmp_path / name for name in ("one", "two")]
+    for folder in sessions:
+        shutil.copytree(session.folder, folder)
+    words = ["process", *map(str, sessions), "--out", str(tmp_path / "there"), "--method", "iva"]
+    run = CliRunner().invoke(app, [*words, "--scheduler", machines.address, "--quiet"])
+    assert run.exit_code == 0, run.output
+    for folder in sessions:
+        process(Session.open(folder), tmp_path / "here", Options("iva"), Silent())
+        there = contents(tmp_path / "there" / folder.name)
+        assert there.pop("report.html")
+        assert there == contents(tmp_path / "here")
 
 
 def test_a_worker_that_is_killed_costs_only_its_tasks(

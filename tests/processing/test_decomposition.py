@@ -98,8 +98,9 @@ def test_rows_may_be_files_and_so_may_the_result(mixture: Mixture, tmp_path: Pat
 
 def test_a_component_too_many_is_said_to_be_noise(mixture: Mixture) -> None:
     found = decompose_iva(noisy(mixture.rows, 0.002), mixture.pitch_px, EVERYWHERE, n_components=4)
-    assert any("principal component 4 is not significant" in one.what for one in found.warnings)
-    assert not any("principal component 3" in one.what for one in found.warnings)
+    assert any("Principal component 4 is not significant" in one.what for one in found.warnings)
+    assert not any("Principal component 3" in one.what for one in found.warnings)
+    assert found.significant == 3
 
 
 def test_noise_at_every_scale_is_said(mixture: Mixture) -> None:
