@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from acquire.pitches import SeparatedPitches
-from acquire.result import DriftRecord
+from acquire.result import DriftRecord, PitchRecord
 from acquire.session import Session
 from acquire.session.records import Caution
 from calibration.projector import measure_leak
 from processing.drift import Course
+from processing.optical_contrast import USABLE
 
 WARNED_SPREAD = 0.01
 WARNED_ADDITIVITY = 0.02
@@ -163,14 +164,27 @@ def _pitches(separated: SeparatedPitches) -> Iterator[Caution]:
             remedy="Take references and patterns at the same settings; for imported pictures, "
             "check `--transfer`.",
         )
-    unresolved = [f"{p.family} {p.pitch_px}" for p in separated.pitches if not p.resolved]
+    unresolved = [p for p in separated.pitches if not p.resolved]
     if unresolved:
-        yield Caution(
-            what=f"Not resolved: {', '.join(unresolved)} px. Even the most direct pixels lose "
-            "contrast there, by blur of lens or projector (or because everything in view "
-            "scatters; only a reference board could tell).",
-            meaning="Max/min reads too little direct light at these pitches; iva leaves them out, "
-            "ranges corrects for the blur that it measures.",
+        yield _unresolved(", ".join(f"{p.family} {p.pitch_px}" for p in unresolved), unresolved)
+
+
+def _unresolved(named: str, unresolved: list[PitchRecord]) -> Caution:
+    if all(pitch.contrast is not None for pitch in unresolved):
+        return Caution(
+            what=f"Not resolved, by the board: {named} px. Camera and projector leave less than "
+            f"{USABLE:.0%} of their contrast.",
+            meaning="What max/min reads there is mostly noise and was not divided by so little; "
+            "iva leaves these pitches out, ranges weighs them by what is left.",
             remedy="Focus camera and projector and stop down, or leave these pitches out of the "
-            "next plan; `lumisplit calibrate board` tells blur from scattering.",
+            "next plan.",
         )
+    return Caution(
+        what=f"Not resolved: {named} px. Even the most direct pixels lose "
+        "contrast there, by blur of lens or projector (or because everything in view "
+        "scatters; only a reference board could tell).",
+        meaning="Max/min reads too little direct light at these pitches; iva leaves them out, "
+        "ranges corrects for the blur that it measures.",
+        remedy="Focus camera and projector and stop down, or leave these pitches out of the "
+        "next plan; `lumisplit calibrate board` tells blur from scattering.",
+    )

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquire.errors import StackError
+from acquire.frames import Reading
 from acquire.pitches import GatheredPitch, LocalGatherer
 from acquire.references import Levels
 from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.stack import Stack
-from drivers.image import Demosaic
 from processing.drift import Drift
 from processing.frame_noise import FrameSample
 from processing.harmonics import PitchDesign, PitchHarmonics
@@ -114,7 +114,9 @@ class RemoteGatherer:
         Where.
     session, folder
         Session and result folder, on a file system that the workers share.
-    demosaic, leak
+    reading
+        How raw frames become pixels.
+    leak
         As in `acquire.pipeline.Options`.
     listen
         Called with the harmonics of each pitch; None where they are not wanted.
@@ -125,7 +127,7 @@ class RemoteGatherer:
     cluster: Cluster
     session: Session
     folder: Path
-    demosaic: Demosaic
+    reading: Reading
     leak: float
     listen: Callable[[PitchHarmonics], None] | None
     frame_done: Callable[[], None]
@@ -139,7 +141,7 @@ class RemoteGatherer:
                 if image is not None:
                     np.save(parked / f"{name}.npy", image)
         place = str(self.session.folder.resolve()), str(parked)
-        how = self.demosaic.value, self.leak, self.listen is not None, levels.drift
+        how = self.reading, self.leak, self.listen is not None, levels.drift
         tasks = [(*place, k, *how) for k in range(len(stack.groups))]
         done = self.cluster.results(gather_pitch, tasks)
         for group, name in zip(stack.groups, done, strict=True):
@@ -176,7 +178,7 @@ def gather_pitch(
     session: str,
     parked: str,
     index: int,
-    demosaic: str,
+    reading: Reading,
     leak: float,
     with_harmonics: bool,
     drift: Drift | None,
@@ -189,8 +191,8 @@ def gather_pitch(
         Folders: the session, and where dark and lit frames lie and the pitch is parked.
     index
         Of the pitch among the stack's groups.
-    demosaic, leak
-        As in `acquire.pipeline.Options`.
+    reading, leak
+        As in `RemoteGatherer`.
     with_harmonics
         Whether they are wanted.
     drift
@@ -200,7 +202,7 @@ def gather_pitch(
     -------
     Name of the file in `parked`.
     """
-    stack = Stack(Session.open(Path(session)), Demosaic(demosaic))
+    stack = Stack(Session.open(Path(session)), reading)
     group = stack.groups[index]
     folder = Path(parked)
     dark, lit = (_parked_image(folder / f"{name}.npy") for name in ("dark", "lit"))

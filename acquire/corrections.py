@@ -1,7 +1,8 @@
 """Direct light at every pitch freed from the bias of noise, and its standard error, as files.
 
-The noise is measured on complementary frames of the session itself. That needs the whole session,
-so the single pitches are corrected after the last of them was separated, from their files.
+The noise is that of a calibration, or measured on complementary frames of the session itself. That
+needs the whole session, so the single pitches are corrected after the last of them was separated,
+from their files.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquire.pitches import SeparatedPitches
 from acquire.result import FrameNoiseRecord, PitchRecord, PixelClass, read_tiff, write_tiff
 from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.optical_contrast import OpticalContrast
 from processing.patterns import balanced
 from processing.single_pitch import (
     Estimate,
@@ -36,7 +39,12 @@ class Observer(Protocol):
 
 
 def correct(
-    folder: Path, separated: SeparatedPitches, leak: float, observer: Observer
+    folder: Path,
+    separated: SeparatedPitches,
+    leak: float,
+    observer: Observer,
+    calibrated: FrameNoise | None = None,
+    contrast: OpticalContrast | None = None,
 ) -> tuple[SeparatedPitches, FrameNoiseRecord | None]:
     """Write ``pitches/corrected-*.tiff`` and ``pitches/deviation-*.tiff``.
 
@@ -50,19 +58,27 @@ def correct(
         b, as they were separated with.
     observer
         Told of every pitch.
+    calibrated
+        Noise of a frame, if a calibration tells; it takes the place of what is measured.
+    contrast
+        What direct light was divided by, if it was.
 
     Returns
     -------
-    The pitches with the new files, and the noise; as they were, and None, where no pitch holds
-    two complementary pairs of frames, so that the noise is unknown.
+    The pitches with the new files, and the noise; as they were, and None, where it is not
+    calibrated and no pitch holds two complementary pairs of frames, so that it is unknown.
     """
-    noise = frame_noise(separated)
+    noise = calibrated or frame_noise(separated)
     if noise is None:
         return separated, None
     observer.stage("correcting", len(separated.pitches))
     pitches = []
     for pitch, sample in zip(separated.pitches, separated.samples, strict=True):
         estimate = _estimate(folder, pitch, separated, sample, noise, leak)
+        if contrast is not None:
+            with_white = separated.references.white is not None
+            error = contrast.relative_error(sample.patterns, with_white=with_white)
+            estimate = _freed(estimate, pitch, error)
         pitches.append(_written(folder, pitch, estimate))
         observer.advance()
     record = FrameNoiseRecord(
@@ -91,6 +107,8 @@ def _estimate(
 ) -> Estimate:
     white, patterns = separated.white, sample.patterns
     direct = read_tiff(folder / pitch.direct, white.shape, np.float32)
+    if pitch.divided_by is not None:
+        direct *= pitch.divided_by
     if not pitch.family.is_binary:
         phases = [pattern.phase for pattern in patterns]
         return amplitude_estimate(direct, white, noise, phases, leak)
@@ -104,6 +122,16 @@ def _estimate(
     usable = separated.mask[at] == PixelClass.MEASURED
     kinds = measured_kinds(sample, noise, usable, correction)
     return extrema_estimate(direct, white, noise, correction, kinds=kinds, leak=leak)
+
+
+def _freed(estimate: Estimate, pitch: PitchRecord, error: NDArray[np.float64]) -> Estimate:
+    """Divided by what the optics leave, whose own error is added to the noise's."""
+    left = pitch.divided_by
+    if left is None:
+        return estimate
+    direct = estimate.direct_light / left
+    own = np.abs(direct) * error.astype(np.float32)
+    return Estimate(direct, np.hypot(estimate.deviation / left, own))
 
 
 def _white_deviation(separated: SeparatedPitches, noise: FrameNoise, frames: int) -> float:

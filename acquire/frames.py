@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from acquire.errors import StackError
 from acquire.session import FrameRecord, Session, Transfer
@@ -20,17 +22,34 @@ from drivers.raw import decode_raw
 DECODERS = 2
 
 
-class Frames:
-    """Decodes a session lazily.
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How raw frames become pixels; pictures have theirs already.
 
-    Raw frames become pixels as `demosaic` says; pictures have theirs already.
+    Parameters
+    ----------
+    demosaic
+        How photosites become pixels.
+    black
+        Level of each colour without light, over the black level that the files state, fraction
+        of the sensor's range.
+    """
+
+    demosaic: Demosaic = Demosaic.SUPERPIXEL
+    black: tuple[float, ...] | None = None
+
+
+class Frames:
+    """Decodes a session lazily, as `reading` says.
+
     `saturated`, (height, width), collects the pixels that reached the white level in any frame
     decoded so far.
     """
 
-    def __init__(self, session: Session, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> None:
+    def __init__(self, session: Session, reading: Reading | None = None) -> None:
         self._session = session
-        self._demosaic = demosaic
+        self._reading = reading or Reading()
+        self._hot: NDArray[np.bool_] | None = None
         self._transfer = session.record.source.transfer if session.record.source else Transfer.RAW
         self.saturated: NDArray[np.bool_] | None = None
 
@@ -53,16 +72,24 @@ class Frames:
             while waiting:
                 yield self._note(*waiting.popleft())
 
-    def leave_out(self, pixels: NDArray[np.bool_]) -> None:
-        """Count pixels, (height, width), as saturated from the start: hot ones."""
-        self.saturated = pixels.copy()
+    def leave_out(self, superpixels: NDArray[np.bool_]) -> None:
+        """Count superpixels, (height, width), as saturated from the start: hot ones.
+
+        Of demosaiced frames, these are all pixels that one of the four photosites went into.
+        """
+        self._hot = superpixels
 
     def _decode(self, frame: FrameRecord) -> LinearImage:
         data = self._session.read(frame)
         try:
-            return decode_frame(data, frame.media_type, self._transfer, self._demosaic)
+            demosaic = self._reading.demosaic
+            image = decode_frame(data, frame.media_type, self._transfer, demosaic)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
+        if self._reading.black is not None and not self._is_picture(frame):
+            level = np.array(self._reading.black, np.float32)
+            np.subtract(image.values, level, out=image.values)
+        return image
 
     def _is_picture(self, frame: FrameRecord) -> bool:
         return _is_picture(frame.media_type, self._transfer)
@@ -72,7 +99,7 @@ class Frames:
     ) -> tuple[FrameRecord, LinearImage]:
         image = decoding.result()
         if self.saturated is None:
-            self.saturated = np.zeros_like(image.saturated)
+            self.saturated = self._left_out(frame, image.saturated.shape)
         if image.saturated.shape != self.saturated.shape:
             raise StackError(
                 f"{self._session.folder / frame.file} is {image.saturated.shape}, the frames "
@@ -80,6 +107,19 @@ class Frames:
             )
         self.saturated |= image.saturated
         return frame, image
+
+    def _left_out(self, frame: FrameRecord, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Hot pixels of an image."""
+        if self._hot is None:
+            return np.zeros(shape, np.bool_)
+        if self._reading.demosaic is Demosaic.SUPERPIXEL or self._is_picture(frame):
+            return self._hot.copy()
+        photosites = np.repeat(np.repeat(self._hot, 2, axis=0), 2, axis=1)
+        missing = [side - have for side, have in zip(shape, photosites.shape, strict=True)]
+        if not all(0 <= one <= 1 for one in missing):
+            return photosites
+        padded = np.pad(photosites, [(0, one) for one in missing])
+        return np.asarray(binary_dilation(padded, np.ones((3, 3), np.bool_)), np.bool_)
 
 
 def decode_frame(

@@ -208,12 +208,15 @@ class Ranges:
         """Fit every pixel's spectrum of ranges."""
         if self._stack is None:
             raise StackError("There is no frame to decompose.")
+        known = self._profiles.noise
+        # Half of white passes a pattern.
+        lines = None if known is None else np.stack([known.constant, known.slope / 2], axis=1)
         try:
             found = decompose_ranges(
                 self._stack,
                 separated.mask == PixelClass.MEASURED,
                 blur=self._profiles.blur,
-                noise=self._profiles.noise,
+                noise=lines,
                 progress=told,
             )
         except ValueError as error:

@@ -12,10 +12,10 @@ from pydantic import JsonValue
 
 from acquire.cautions import cautions
 from acquire.cluster import PARKED, Cluster, RemoteGatherer
-from acquire.corrections import correct
+from acquire.corrections import correct, frame_noise
 from acquire.errors import ResultError, StackError
+from acquire.frames import Reading
 from acquire.methods import (
-    HARMONICS,
     Components,
     Iva,
     Method,
@@ -23,26 +23,23 @@ from acquire.methods import (
     check_components,
     obstacle_to_ranges,
 )
-from acquire.pitches import SeparatedPitches, blank_files, blank_unusable, separate_pitches
+from acquire.pitches import SeparatedPitches, separate_pitches
+from acquire.profile_cautions import for_photosites, profile_cautions
 from acquire.profile_use import Profiles
 from acquire.proof import keep_portraits, proof_of, proven
-from acquire.references import read_references
+from acquire.references import References, read_references
 from acquire.result import (
-    RECORD,
+    FrameNoiseRecord,
     PixelClass,
     ProofRecord,
     Result,
-    ResultRecord,
-    SessionSummary,
-    write_record,
-    write_tiff,
 )
+from acquire.result_folder import fill, prepare, record_of
 from acquire.session import Session
-from acquire.session.folder import storage
-from acquire.session.records import Caution, versions
-from acquire.session.verification import incidents
+from acquire.session.records import Caution
 from acquire.stack import Stack
 from drivers.image import Demosaic
+from processing.frame_noise import FrameNoise
 from processing.patterns import Family
 
 OWN_NUMBER = Caution(
@@ -62,18 +59,6 @@ NO_MOSAICS = Caution(
     meaning="The frames are pictures, whose pixels are given; nothing else changed.",
     remedy="Leave it out for such sessions.",
 )
-OWN_NAMES = {
-    RECORD,
-    "components",
-    "pitches",
-    "white.tiff",
-    "mask.tiff",
-    "report.html",
-    "deviations",
-    "proof",
-    HARMONICS,
-    PARKED,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,70 +141,124 @@ def process(
     profiles
         What calibrations say about the session.
     """
-    profiles = profiles or Profiles()
-    has_black = any(frame.pattern.family is Family.BLACK for frame in session.frames)
-    if profiles.leak is not None and not options.leak and not has_black:
-        options = replace(options, leak=profiles.leak)
-    stack = Stack(session, options.demosaic)
-    if profiles.hot is not None:
-        stack.leave_out(profiles.hot)
+    given = profiles or Profiles()
+    options = _with_leak(session, options, given)
+    stack = Stack(session, Reading(options.demosaic, given.black))
+    if given.hot is not None:
+        stack.leave_out(given.hot)
+    used, unused = _suiting(stack, options, given)
     name, remark = _method_name(session, options)
     if name == "iva":
         check_components(len(stack.groups), options.n_components or 2)
-    _prepare(folder, session.folder)
-    method = _method(name, session, folder, options, profiles)
-    try:
-        observer.stage("separating", len(stack))
-        gatherer = _gatherer(cluster, session, folder, options, method, observer)
-        references = read_references(
-            session, stack, observer.advance, correct_drift=options.drift_correction
-        )
-        separated = separate_pitches(
-            stack, references, folder, options.leak, method.frame, observer.advance, gatherer
-        )
-        if not np.any(separated.mask == PixelClass.MEASURED):
-            raise StackError(
-                f"{session.folder}: no pixel can be measured; every one is saturated or unlit in "
-                "some frame. Check the exposure and that the projector lit the scene."
-            )
-        separated = replace(separated, pitches=proven(session, separated.pitches))
-        separated, noise = correct(folder, separated, options.leak, observer)
-        observer.stage("decomposing", _STEPS)
-        steps = _Steps(observer)
-        components = method.decompose(folder, separated, steps.reach)
-        steps.reach(1.0)
-    finally:
-        method.close()
-        shutil.rmtree(folder / PARKED, ignore_errors=True)
-    found = (*cautions(session, separated), *_interpolation(stack, options), *remark)
-    used: dict[str, JsonValue] = {
-        "method": name,
-        "demosaic": options.demosaic if stack.has_mosaics else None,
-    }
-    if profiles.uses:
-        used["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
+    prepare(folder, session.folder)
+    observer.stage("separating", len(stack))
+    references = read_references(
+        session, stack, observer.advance, correct_drift=options.drift_correction
+    )
+    drift = references.levels.drift
+    if drift is not None and used.noise is not None:
+        used = replace(used, noise=drift.noise(used.noise, len(session.lines)))
+    work = _Work(session, folder, options, used, stack, references)
+    separated, noise, components, measured = work.done(name, observer, cluster)
+    found = (
+        *cautions(session, separated),
+        *profile_cautions(separated, used.noise, measured),
+        *_interpolation(stack, options),
+        *unused,
+        *remark,
+    )
+    said = _options_said(name, stack, options, used)
     proof = _proof(session, folder, observer)
-    about = {"frame_noise": noise, "profiles": profiles.summaries, "proof": proof}
-    record = _record(session, separated, components, asdict(options) | used, found)
-    record = record.model_copy(update=about)
-    _write(folder, separated, components, record)
+    about = {"frame_noise": noise, "profiles": given.summaries, "proof": proof}
+    record = record_of(session, separated, components, said, found).model_copy(update=about)
+    fill(folder, separated, components, record)
     return Result(folder, record)
 
 
-def _gatherer(
-    cluster: Cluster | None,
-    session: Session,
-    folder: Path,
-    options: Options,
-    method: Method,
-    observer: Observer,
-) -> RemoteGatherer | None:
-    """Who gathers the pitches; None for this process."""
-    if cluster is None:
-        return None
-    heard = method.pitch if method.wants_harmonics else None
-    task = (session, folder, options.demosaic, options.leak)
-    return RemoteGatherer(cluster, *task, heard, observer.advance)
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A session whose references are read."""
+
+    session: Session
+    folder: Path
+    options: Options
+    profiles: Profiles
+    stack: Stack
+    references: References
+
+    def done(
+        self, name: str, observer: Observer, cluster: Cluster | None
+    ) -> tuple[SeparatedPitches, FrameNoiseRecord | None, Components, FrameNoise | None]:
+        """The pitches, the noise that they were freed from, the components, the noise measured."""
+        profiles, leak = self.profiles, self.options.leak
+        method = _method(name, self.session, self.folder, self.options, profiles)
+        try:
+            separated = separate_pitches(
+                self.stack,
+                self.references,
+                self.folder,
+                leak,
+                method.frame,
+                observer.advance,
+                self._gatherer(method, observer, cluster),
+                profiles.contrast,
+            )
+            if not np.any(separated.mask == PixelClass.MEASURED):
+                raise StackError(
+                    f"{self.session.folder}: no pixel can be measured; every one is saturated or "
+                    "unlit in some frame. Check the exposure and that the projector lit the scene."
+                )
+            separated = replace(separated, pitches=proven(self.session, separated.pitches))
+            separated, noise = correct(
+                self.folder, separated, leak, observer, profiles.noise, profiles.contrast
+            )
+            observer.stage("decomposing", _STEPS)
+            steps = _Steps(observer)
+            components = method.decompose(self.folder, separated, steps.reach)
+            steps.reach(1.0)
+        finally:
+            method.close()
+            shutil.rmtree(self.folder / PARKED, ignore_errors=True)
+        return separated, noise, components, frame_noise(separated)
+
+    def _gatherer(
+        self, method: Method, observer: Observer, cluster: Cluster | None
+    ) -> RemoteGatherer | None:
+        if cluster is None:
+            return None
+        heard = method.pitch if method.wants_harmonics else None
+        reading = Reading(self.options.demosaic, self.profiles.black)
+        return RemoteGatherer(
+            cluster, self.session, self.folder, reading, self.options.leak, heard, observer.advance
+        )
+
+
+def _with_leak(session: Session, options: Options, profiles: Profiles) -> Options:
+    """The options with the leak of a profile, where no black frame tells better."""
+    has_black = any(frame.pattern.family is Family.BLACK for frame in session.frames)
+    if profiles.leak is None or options.leak or has_black:
+        return options
+    return replace(options, leak=profiles.leak)
+
+
+def _suiting(
+    stack: Stack, options: Options, profiles: Profiles
+) -> tuple[Profiles, tuple[Caution, ...]]:
+    """The profiles that hold for pixels as they are read."""
+    if options.demosaic is Demosaic.SUPERPIXEL or not stack.has_mosaics:
+        return profiles, ()
+    return for_photosites(profiles)
+
+
+def _options_said(
+    name: str, stack: Stack, options: Options, profiles: Profiles
+) -> dict[str, JsonValue]:
+    """The options as they were used."""
+    said: dict[str, JsonValue] = asdict(options)
+    said |= {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
+    if profiles.uses:
+        said["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
+    return said
 
 
 def _proof(session: Session, folder: Path, observer: Observer) -> ProofRecord | None:
@@ -268,85 +307,3 @@ def _method(
     if name == "ranges":
         return Ranges(session, folder, profiles)
     return Iva(options.n_components, options.n_iterations, options.smoothing_px)
-
-
-def _prepare(folder: Path, session_folder: Path) -> None:
-    """Clear an earlier result away; refuses a folder that holds anything else."""
-    if folder.resolve() == session_folder.resolve():
-        raise ResultError("--out is the session itself; a result needs a folder of its own.")
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        raise ResultError(f"{folder} is not a folder; give another --out.")
-    strangers = (
-        sorted({path.name for path in folder.iterdir()} - OWN_NAMES) if folder.exists() else []
-    )
-    if strangers:
-        raise ResultError(
-            f"{folder} holds {strangers[0]!r}, which is no part of a result; nothing was written. "
-            "Give another --out."
-        )
-    with storage(folder):
-        (folder / RECORD).unlink(missing_ok=True)
-        for name in ("components", "deviations", "pitches", "proof", PARKED):
-            if (folder / name).is_symlink():
-                (folder / name).unlink()
-            shutil.rmtree(folder / name, ignore_errors=True)
-        (folder / "components").mkdir(parents=True)
-
-
-def _write(
-    folder: Path, separated: SeparatedPitches, components: Components, record: ResultRecord
-) -> None:
-    blank_files(folder, separated)
-    images = {
-        **{f"components/{name}.tiff": image for name, image in components.images.items()},
-        **{f"deviations/{name}.tiff": image for name, image in components.deviations.items()},
-        "white.tiff": components.white,
-    }
-    for relative, image in images.items():
-        blank_unusable(image, separated.mask)
-        with storage(folder):
-            (folder / relative).parent.mkdir(exist_ok=True)
-        write_tiff(folder / relative, image)
-    write_tiff(folder / "mask.tiff", separated.mask)
-    write_record(folder, record)
-
-
-def _record(
-    session: Session,
-    separated: SeparatedPitches,
-    components: Components,
-    options: dict[str, JsonValue],
-    found: tuple[Caution, ...],
-) -> ResultRecord:
-    height, width = separated.mask.shape
-    notes = session.record.source.notes if session.record.source else ()
-    told = (*notes, *found, *components.cautions)
-    return ResultRecord(
-        method=str(options["method"]),
-        options=options | components.used,
-        components=tuple(components.images),
-        shape=(height, width),
-        pitches=separated.pitches,
-        mixing=components.mixing,
-        pca_shares=components.shares,
-        convergence=components.cost,
-        mask=separated.mask_record(),
-        noise=components.noise,
-        deviations=bool(components.deviations),
-        warnings=tuple(caution.text for caution in told),
-        cautions=told,
-        drift=separated.references.record,
-        plan_sha256=session.plan.sha256,
-        session=SessionSummary(
-            plan_sha256=session.plan.sha256,
-            frames=len(session.frames),
-            bench=session.record.bench,
-            source=session.record.source,
-            camera=session.plan.camera,
-            projector=session.plan.projector,
-            runs=session.record.runs,
-            incidents=tuple(incidents(session)),
-            versions=session.record.versions,
-        ),
-        versions=versions(),
-    )

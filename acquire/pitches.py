@@ -17,6 +17,7 @@ from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Stack
 from processing.frame_noise import FrameSample
+from processing.optical_contrast import USABLE, OpticalContrast
 from processing.patterns import Family, Pattern, balanced
 from processing.separation import (
     ExtremaSeparation,
@@ -124,6 +125,7 @@ def separate_pitches(
     listen: Callable[[Image, Pattern], None],
     frame_done: Callable[[], None],
     gatherer: Gatherer | None = None,
+    contrast: OpticalContrast | None = None,
 ) -> SeparatedPitches:
     """Write ``pitches/*.tiff`` into `folder`; holds one pitch's running extrema at a time.
 
@@ -144,6 +146,10 @@ def separate_pitches(
         Called after each decoded frame.
     gatherer
         Goes through the frames of the pitches; here, one after the other, if it is not given.
+    contrast
+        What the optics leave of patterns: direct light is divided by it. Pitches of which less
+        than `processing.optical_contrast.USABLE` is left are not resolved; without it, the scene
+        itself tells.
     """
     gatherer = gatherer or LocalGatherer(leak, listen, frame_done)
     lit = references.levels.lit
@@ -157,14 +163,14 @@ def separate_pitches(
     whole = lit
     gathered = gatherer.gather(stack, references.levels)
     for group, name, found in zip(stack.groups, names, gathered, strict=True):
-        mean, separation = found.mean, found.separation
+        left = None if contrast is None else _left(contrast, group, lit)
         samples.append(found.sample)
-        pitches.append(_write(folder, group, name, separation))
+        pitches.append(_write(folder, group, name, _freed(found.separation, left), left))
         if lit is None:
-            share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))
+            share = 2 / (1 + leak) * found.mean / np.float32(len(stack.groups))
             whole = share if whole is None else whole + share
         else:
-            pitches[-1] = _judged(pitches[-1], group, mean, separation, lit, _mask(stack, lit))
+            pitches[-1] = _judged(pitches[-1], group, found, lit, _mask(stack, lit))
     if whole is None:
         raise StackError("There is no pitch to separate.")
     mask = _mask(stack, whole)
@@ -249,6 +255,20 @@ def _separate(
     return total / np.float32(len(group.frames)), separation
 
 
+def _left(contrast: OpticalContrast, group: PitchGroup, lit: Image | None) -> NDArray[np.float32]:
+    """What the optics leave of a pitch's direct light, (3,)."""
+    patterns = [frame.pattern for frame in group.frames]
+    return contrast.left(patterns, with_white=lit is not None).astype(np.float32)
+
+
+def _freed(separation: Separation, left: NDArray[np.float32] | None) -> Separation:
+    """Direct light as it would be without blur; global light is the rest of both."""
+    if left is None or left.min() < USABLE:
+        return separation
+    direct = separation.direct_light / left
+    return Separation(direct, separation.direct_light + separation.global_light - direct)
+
+
 def _balanced(group: PitchGroup) -> bool:
     return balanced([frame.pattern for frame in group.frames])
 
@@ -262,7 +282,13 @@ def _names(groups: tuple[PitchGroup, ...]) -> list[str]:
     ]
 
 
-def _write(folder: Path, group: PitchGroup, name: str, separation: Separation) -> PitchRecord:
+def _write(
+    folder: Path,
+    group: PitchGroup,
+    name: str,
+    separation: Separation,
+    left: NDArray[np.float32] | None,
+) -> PitchRecord:
     direct, global_ = f"pitches/direct-{name}.tiff", f"pitches/global-{name}.tiff"
     write_tiff(folder / direct, separation.direct_light)
     write_tiff(folder / global_, separation.global_light)
@@ -272,30 +298,32 @@ def _write(folder: Path, group: PitchGroup, name: str, separation: Separation) -
         shifts=len(group.frames),
         direct=direct,
         global_=global_,
+        contrast=None if left is None else tuple(left.tolist()),
     )
 
 
 def _judged(
     pitch: PitchRecord,
     group: PitchGroup,
-    mean: Image,
-    separation: Separation,
+    found: GatheredPitch,
     lit: Image,
     mask: NDArray[np.uint8],
 ) -> PitchRecord:
     usable = mask == PixelClass.MEASURED
     if not usable.any():
         return pitch
-    additivity = additivity_error(mean, lit, usable) if _balanced(group) else None
-    peak = direct_peak(separation.direct_light, lit, usable)
+    additivity = additivity_error(found.mean, lit, usable) if _balanced(group) else None
+    peak = direct_peak(found.separation.direct_light, lit, usable)
     return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
 
 
 def _resolved(pitches: list[PitchRecord]) -> tuple[PitchRecord, ...]:
+    """By a board where there is one, else by the scene."""
+    by_board = [None if p.contrast is None else min(p.contrast) >= USABLE for p in pitches]
     peaks = [np.nan if pitch.direct_peak is None else pitch.direct_peak for pitch in pitches]
     return tuple(
-        pitch.model_copy(update={"resolved": resolved})
-        for pitch, resolved in zip(pitches, resolved_pitches(peaks), strict=True)
+        pitch.model_copy(update={"resolved": seen if told is None else told})
+        for pitch, seen, told in zip(pitches, resolved_pitches(peaks), by_board, strict=True)
     )
 
 

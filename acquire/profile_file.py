@@ -136,6 +136,12 @@ class Profile(StrictModel):
         """A quantity's values; NaN where there is none."""
         return _array(self._known(self.quantities, name).value)
 
+    def errors(self, name: str) -> NDArray[np.float64]:
+        """Standard uncertainties of a quantity; 0 where none is stated."""
+        quantity: Quantity = self._known(self.quantities, name)
+        stated = quantity.uncertainty or (None,) * len(quantity.value)
+        return np.nan_to_num(_array(stated))
+
     def column(self, curve: str, name: str) -> NDArray[np.float64]:
         """A column of a table."""
         return _array(self._known(self._known(self.curves, curve).columns, name))
@@ -236,6 +242,9 @@ def check_applies(
 
 
 def _devices(bench: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
+    played = bench.get("of")
+    if bench.get("kind") == "replay" and isinstance(played, dict):
+        return _devices(played)
     simulation = bench.get("sim")
     if bench.get("kind") == "sim" and isinstance(simulation, dict):
         return {key: simulation.get(key) for key in _SIM_DEVICES}

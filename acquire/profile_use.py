@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ from acquire.session import Session
 from acquire.session.folder import storage, write_durably
 from acquire.session.store import PROFILES
 from processing.blur import Blur
+from processing.frame_noise import FrameNoise
+from processing.optical_contrast import OpticalContrast
 
 # Kinds that change how a session is processed.
 PROCESSED = ("dark", "noise", "leak", "board")
@@ -44,11 +47,15 @@ class Profiles:
         b, where no black frame was captured; None where no profile says.
     blur
         Of each colour, measured on a board.
+    contrast
+        What the optics leave of patterns, measured on the same board.
     noise
-        (colours, 2): variance of a frame under no light and its rise with white, whose half a
-        pattern lets through on average.
+        Of a frame of superpixels.
     hot
-        bool, (height, width): pixels to leave out.
+        bool, (height, width): superpixels to leave out.
+    black
+        Level of each colour without light, over the black level that raw files state, fraction
+        of the sensor's range.
     uses
         The profiles, by digest.
     summaries
@@ -57,8 +64,10 @@ class Profiles:
 
     leak: float | None = None
     blur: tuple[Blur, ...] | None = None
-    noise: NDArray[np.float64] | None = None
+    contrast: OpticalContrast | None = None
+    noise: FrameNoise | None = None
     hot: NDArray[np.bool_] | None = None
+    black: tuple[float, ...] | None = None
     uses: tuple[ProfileUse, ...] = ()
     summaries: tuple[ProfileSummary, ...] = ()
 
@@ -161,25 +170,36 @@ def _kept_summary(session: Session, use: ProfileUse) -> ProfileSummary:
 def _with(found: Profiles, path: Path, session: Session) -> Profiles:
     profile, digest = read_profile(path)
     check_applies(profile, str(path), session.record.bench, session.plan.camera)
-    leak, blur, noise, hot = found.leak, found.blur, found.noise, found.hot
-    if profile.kind == "leak":
-        leak = float(profile.numbers("leak")[0])
-    elif profile.kind == "board":
-        sides, skews = profile.numbers("side_px2"), profile.numbers("skew_px2")
-        blur = tuple(Blur(float(a), float(b)) for a, b in zip(sides, skews, strict=True))
-    elif profile.kind == "noise":
-        noise = np.stack([profile.numbers("constant"), profile.numbers("rise") / 2], axis=1)
-    elif profile.kind == "dark":
-        hot = np.asarray(read_maps(path, profile)["hot"], bool)
     use = ProfileUse(kind=profile.kind, sha256=digest)
-    return Profiles(
-        leak=leak,
-        blur=blur,
-        noise=noise,
-        hot=hot,
+    return replace(
+        found,
+        **_said(profile, path),
         uses=(*found.uses, use),
         summaries=(*found.summaries, profile.summary(path, digest)),
     )
+
+
+def _said(profile: Profile, path: Path) -> dict[str, Any]:
+    """What a profile says, by the fields of `Profiles`."""
+    if profile.kind == "leak":
+        return {"leak": float(profile.numbers("leak")[0])}
+    if profile.kind == "noise":
+        constant, rise = profile.numbers("constant"), profile.numbers("rise")
+        return {"noise": FrameNoise(constant, rise)}
+    if profile.kind == "dark":
+        black = tuple(profile.numbers("black_level").tolist())
+        return {"hot": np.asarray(read_maps(path, profile)["hot"], bool), "black": black}
+    sides, skews = profile.numbers("side_px2"), profile.numbers("skew_px2")
+    modulation = [profile.column("contrast", f"modulation_{colour}") for colour in COLOURS]
+    return {
+        "blur": tuple(Blur(float(a), float(b)) for a, b in zip(sides, skews, strict=True)),
+        "contrast": OpticalContrast(
+            side_px2=sides,
+            deviation_px2=profile.errors("side_px2"),
+            pitch_px=profile.column("contrast", "pitch_px"),
+            modulation=np.stack(modulation, axis=1),
+        ),
+    }
 
 
 def _of_kind(kind: str, file: Path) -> tuple[Profile, str]:

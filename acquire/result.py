@@ -62,9 +62,11 @@ class PitchRecord(StrictModel):
     `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
     white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
     take no part in the decomposition. `corrected` is direct light freed from the bias of noise,
-    `deviation` its standard error; None where the noise is unknown. `proven`: how many of
-    its frames were found to show their own pattern; `residual`: the largest part of the contrast
-    that the prediction of one of them leaves; None where they were not judged.
+    `deviation` its standard error; None where the noise is unknown. `contrast`: what camera and
+    projector leave of the pattern in each colour, by a board; where the pitch is resolved, direct
+    light was divided by it. `proven`: how many of its frames were found to show their own pattern;
+    `residual`: the largest part of the contrast that the prediction of one of them leaves; None
+    where they were not judged.
     """
 
     family: Family
@@ -78,9 +80,17 @@ class PitchRecord(StrictModel):
     residual: float | None = None
     additivity_error: float | None = None
     direct_peak: float | None = None
+    contrast: tuple[float, ...] | None = None
     resolved: bool = True
 
     model_config = ConfigDict(populate_by_name=True)
+
+    @property
+    def divided_by(self) -> NDArray[np.float32] | None:
+        """The contrast that direct light was divided by; None where it was not."""
+        if self.contrast is None or not self.resolved:
+            return None
+        return np.array(self.contrast, np.float32)
 
     @property
     def whole(self) -> bool:

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquire.errors import StackError
-from acquire.frames import Frames
+from acquire.frames import Frames, Reading
 from acquire.session import FrameRecord, Session
-from drivers.image import Demosaic
 from processing.drift import Level
 from processing.frame_noise import lattice
 from processing.patterns import Family
@@ -54,8 +53,8 @@ class Reference:
 class Stack(Frames):
     """Decodes a session lazily; knows which frames belong together."""
 
-    def __init__(self, session: Session, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> None:
-        super().__init__(session, demosaic)
+    def __init__(self, session: Session, reading: Reading | None = None) -> None:
+        super().__init__(session, reading)
         self.groups = _groups(session.frames)
         self._places = {(line.step, line.attempt): k for k, line in enumerate(session.lines)}
         if not self.groups:

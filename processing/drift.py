@@ -24,6 +24,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.frame_noise import FrameNoise
+
 Image: TypeAlias = NDArray[np.float32]
 Array: TypeAlias = NDArray[np.float64]
 
@@ -136,6 +138,12 @@ class Drift:
     def bend(self) -> float:
         """How far a reference lies off the line between its neighbours, in parts of the light."""
         return max(self.gain.bend, self.offset.bend / self.light if self.light > 0 else 0.0)
+
+    def noise(self, noise: FrameNoise, exposures: int) -> FrameNoise:
+        """Mean noise of frames that are freed from the drift: f/g has variance c/g² + s·(f/g)/g."""
+        gain = self.gain.at(np.arange(exposures, dtype=np.float64))
+        constant = noise.constant * np.mean(gain**-2, axis=0)
+        return FrameNoise(constant, noise.slope * np.mean(1 / gain, axis=0))
 
     def seen(self) -> Drift:
         """Without what cannot be told from none: such a gain is 1, such an offset 0."""

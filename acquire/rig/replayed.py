@@ -27,7 +27,11 @@ def replay_bench(folder: Path) -> Bench:
     lines = b"".join(recorded.complete_lines())
     return Bench(
         name=f"the recording {folder}",
-        description={"kind": "replay", "frames_sha256": hashlib.sha256(lines).hexdigest()},
+        description={
+            "kind": "replay",
+            "frames_sha256": hashlib.sha256(lines).hexdigest(),
+            "of": recorded.record.bench.get("of", recorded.record.bench),
+        },
         resolution=resolution,
         frame_bytes=max(frame.size_bytes for frame in recorded.lines),
         frame_s=0.0,

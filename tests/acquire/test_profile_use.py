@@ -89,8 +89,7 @@ def test_a_session_holds_its_profiles_and_uses_them(profiles: Path, tmp_path: Pa
     assert found.hot is not None
     assert found.hot.shape == SIM.camera_px
     assert found.noise is not None
-    # Half of white passes a pattern: variance rises by half of 1/20 000 for red.
-    assert found.noise[0, 1] == pytest.approx(0.5 / 20_000, rel=0.1)
+    assert found.noise.slope[0] == pytest.approx(1 / 20_000, rel=0.1)
     kept = session.folder / "profiles" / "dark.json"
     kept.write_text(kept.read_text().replace('"warnings": []', '"warnings": ["x"]'))
     with pytest.raises(ProfileError, match="is not the profile"):
