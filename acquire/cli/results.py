@@ -59,7 +59,18 @@ def export_command(
     to: Annotated[
         str, typer.Option(help="exr, mat, npz or hdf5: linear float32; png: 16 bits, for looking.")
     ],
-    out: Annotated[Path, typer.Option(help="The file; for png the folder.")],
+    out: Annotated[
+        Path,
+        typer.Option(help="The file; the folder for png, and for exr with --pitches."),
+    ],
+    pitches: Annotated[
+        bool,
+        typer.Option(
+            "--pitches",
+            help="Direct and global light at every pitch, and their standard errors, in place of "
+            "the components.",
+        ),
+    ] = False,
 ) -> None:
     """Write components, errors, white light and mask for other programs."""
     from acquire.export import Format, export
@@ -67,7 +78,7 @@ def export_command(
 
     if to not in list(Format):
         raise typer.BadParameter(f"--to {to}: there are {', '.join(Format)}.")
-    for path in export(Result.open(folder), Format(to), out):
+    for path in export(Result.open(folder), Format(to), out, pitches=pitches):
         typer.echo(path)
 
 

@@ -19,9 +19,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from acquire.cli.main import app
-from acquire.export import Format, export, image_names
+from acquire.export import Format, component_parcel, export
 from acquire.result import PixelClass, Result, write_record, write_tiff
 from acquire.tone import exposure_of
+from processing.patterns import Family
 from tests.acquire.result_folders import write_result
 
 Arrays = dict[str, NDArray[np.generic]]
@@ -151,7 +152,9 @@ def _mat_variables(data: bytes) -> Iterator[tuple[str, NDArray[np.generic]]]:
 
 def test_png(result: Result, tmp_path: Path) -> None:
     paths = export(result, Format.PNG, tmp_path / "pictures")
-    assert [path.name for path in paths] == [f"{name}.png" for name in image_names(result)]
+    assert [path.name for path in paths] == [
+        f"{name}.png" for name in component_parcel(result).images
+    ]
     gain = exposure_of(result.white)
     for path, (name, image) in zip(paths, images_of(result).items(), strict=True):
         data = path.read_bytes()
@@ -194,3 +197,113 @@ def test_nothing_is_written_into_the_result(result: Result) -> None:
     run = CliRunner().invoke(app, words)
     assert "inside the result" in str(run.exception)
     assert not (result.folder / "pictures").exists()
+
+
+@pytest.fixture(scope="module")
+def with_pitches(result: Result) -> Result:
+    """Another result whose second pitch knows its noise."""
+    chance = np.random.default_rng(6)
+    pitches = []
+    for k, pitch in enumerate(result.record.pitches):
+        for path in (pitch.direct, pitch.global_):
+            light = chance.normal(0.2, 0.2, (20, 31, 3)).astype(np.float32)
+            light[result.mask == PixelClass.SATURATED] = np.nan
+            write_tiff(result.folder / path, light)
+        more = {}
+        if k == 1:
+            more = {"corrected": "pitches/corrected-0016.tiff"}
+            more |= {"deviation": "pitches/deviation-0016.tiff"}
+            for path in more.values():
+                write_tiff(result.folder / path, chance.random((20, 31, 3)).astype(np.float32))
+        pitches.append(pitch.model_copy(update=more))
+    write_record(result.folder, result.record.model_copy(update={"pitches": tuple(pitches)}))
+    return Result.open(result.folder)
+
+
+PITCHES = (
+    "direct-0008", "global-0008", "direct-0016", "global-0016", "corrected-0016",
+    "deviation-0016", "direct-0032", "global-0032",
+)  # fmt: skip
+
+
+def check_pitches(result: Result, read: Arrays, said: str) -> None:
+    assert set(read) == {*PITCHES, "white"}
+    for name in PITCHES:
+        assert read[name].dtype == np.float32
+        expected = result.pitch_image(f"pitches/{name}.tiff")
+        assert np.array_equal(read[name], expected, equal_nan=True), name
+    assert np.array_equal(read["white"], result.white, equal_nan=True)
+    stated = json.loads(said)
+    assert [one["pitch_px"] for one in stated["pitches"]] == [8, 16, 32]
+    assert stated["pitches"][1]["deviation"] == "deviation-0016"
+    assert "corrected" not in stated["pitches"][0]
+    assert stated["result_sha256"] == result.sha256
+
+
+def test_pitches_as_hdf5(with_pitches: Result, tmp_path: Path) -> None:
+    (path,) = export(with_pitches, Format.HDF5, tmp_path / "p.h5", pitches=True)
+    with pyfive.File(str(path)) as file:
+        read: Arrays = {name: file[name][...] for name in file if name != "mask"}
+        assert np.array_equal(file["mask"][...], with_pitches.mask)
+        check_pitches(with_pitches, read, _text(file.attrs["lumisplit"]))
+
+
+def test_pitches_as_npz(with_pitches: Result, tmp_path: Path) -> None:
+    (path,) = export(with_pitches, Format.NPZ, tmp_path / "p.npz", pitches=True)
+    with zipfile.ZipFile(path) as archive:
+        read = {name.removesuffix(".npy"): _npy(archive.read(name)) for name in archive.namelist()}
+    assert np.array_equal(read.pop("mask"), with_pitches.mask)
+    check_pitches(with_pitches, read, str(read.pop("lumisplit")[()]))
+
+
+def test_pitches_as_mat(with_pitches: Result, tmp_path: Path) -> None:
+    (path,) = export(with_pitches, Format.MAT, tmp_path / "p.mat", pitches=True)
+    read = dict(_mat_variables(path.read_bytes()))
+    assert np.array_equal(read.pop("mask"), with_pitches.mask)
+    said = bytes(read.pop("lumisplit").astype(np.uint8).ravel()).decode()
+    named = {name.replace("_", "-"): array for name, array in read.items()}
+    check_pitches(with_pitches, named, said)
+
+
+def test_pitches_as_a_folder_of_exr(with_pitches: Result, tmp_path: Path) -> None:
+    paths = export(with_pitches, Format.EXR, tmp_path / "p", pitches=True)
+    assert [path.name for path in paths] == [
+        "pitch-0008.exr", "pitch-0016.exr", "pitch-0032.exr", "white.exr",
+    ]  # fmt: skip
+    read: Arrays = {}
+    for path in paths:
+        source = OpenImageIO.ImageInput.open(str(path))
+        assert source is not None
+        spec = source.spec()
+        pixels = np.asarray(source.read_image("float"))
+        floats = {name: pixels[..., k] for k, name in enumerate(spec.channelnames)}
+        assert np.array_equal(floats.pop("mask.class"), with_pitches.mask)
+        layers = {name.partition(".")[0] for name in floats}
+        for layer in layers:
+            name = "white" if layer == "white" else f"{layer}-{path.stem.partition('-')[2]}"
+            read[name] = np.stack([floats[f"{layer}.{colour}"] for colour in "RGB"], axis=2)
+        said = spec.getattribute("lumisplit")
+        assert json.loads(said)["file"] == path.stem
+    check_pitches(with_pitches, read, said)
+
+
+def test_pitches_as_png(with_pitches: Result, tmp_path: Path) -> None:
+    words = ["export", str(with_pitches.folder), "--to", "png", "--pitches"]
+    run = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "p")])
+    assert run.exit_code == 0
+    assert {path.stem for path in (tmp_path / "p").iterdir()} == {*PITCHES, "white"}
+    gain = exposure_of(with_pitches.white)
+    light = np.nan_to_num(with_pitches.pitch_image("pitches/global-0016.tiff"))
+    light = np.clip(light * gain, 0, 1)
+    curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    pixels = imagecodecs.png_decode((tmp_path / "p" / "global-0016.png").read_bytes())
+    assert np.abs(pixels - 65535 * curve).max() <= 1
+
+
+def test_pitches_of_two_families_have_both_names(tmp_path: Path) -> None:
+    families = (Family.STRIPES_ROWS, Family.STRIPES_COLUMNS)
+    made = write_result(tmp_path / "r", families=families, pitches_px=(8,))
+    paths = export(made, Format.EXR, tmp_path / "p", pitches=True)
+    assert [path.stem for path in paths] == [
+        "pitch-stripes-rows-0008", "pitch-stripes-columns-0008", "white",
+    ]  # fmt: skip
