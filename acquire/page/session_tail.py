@@ -49,7 +49,7 @@ class SessionTail:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._read_bytes = 0
+        self._read_bytes = self._lines = 0
         self.frames: dict[int, FrameRecord] = {}
         self.last: FrameRecord | None = None
 
@@ -65,6 +65,7 @@ class SessionTail:
             for line in lines:
                 record = FrameRecord.model_validate_json(line)
                 self._read_bytes += len(line) + 1
+                self._lines += 1
                 self.frames[record.step] = self.last = record
         except (OSError, ValidationError) as error:
             raise SessionError(f"{path} cannot be read: {error}") from error
@@ -78,7 +79,7 @@ class SessionTail:
         wrong = tuple(
             f"step {proof.step} {proof.in_words}" for proof in last.values() if proof.is_wrong
         )
-        return Proofs(len(last), len(found) - len(last), wrong[-MAX_WRONG:])
+        return Proofs(len(last), self._lines - len(self.frames), wrong[-MAX_WRONG:])
 
     def picture(self, record: FrameRecord) -> Negative:
         """The file of a line, decoded."""

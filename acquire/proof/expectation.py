@@ -218,7 +218,8 @@ class Expectation:
             values += np.float32(weights[k]) * (other.values - middle)
             usable &= other.usable
         named = ", ".join(str(step) for step in sorted(steps[k - 1] for k in used))
-        what = f"its complement, step {named}" if exact else f"step {named}, like it but shifted"
+        many = "steps" if len(used) > 1 else "step"
+        what = f"its complement, step {named}" if exact else f"its like, {many} {named}"
         return Expected(f"white, black and {what}", Small(values, usable, light.whole_px), holds)
 
     def _drawn(

@@ -57,16 +57,17 @@ export class Beside {
 
 function held(part) {
   if (part === null) return "";
-  return part > 0.995 ? "" : `; that holds ${Math.floor(100 * part)} % of its contrast`;
+  return part > 0.995 ? "" : `; ${Math.floor(100 * part)} % of its contrast, the rest is not known`;
 }
 
-function missed({ rms, mean, span }) {
+function missed({ holds, rms, mean, span }) {
   if (rms === null) return "none: nothing predicts it";
   const sign = mean < 0 ? "−" : "+";
-  return `${percent(rms)} of white (rms), ${sign}${percent(Math.abs(mean))} in the mean; ` +
+  const lacks = holds !== null && holds < 0.9 ? ", with what is not known" : "";
+  return `${percent(rms)} of white (rms)${lacks}, ${sign}${percent(Math.abs(mean))} in the mean; ` +
     `full colour at ${percent(span)}`;
 }
 
 function percent(part) {
-  return `${(100 * part).toPrecision(part < 0.1 ? 2 : 3)} %`;
+  return `${Number((100 * part).toPrecision(2))} %`;
 }

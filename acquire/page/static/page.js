@@ -11,11 +11,13 @@ const element = (id) => document.getElementById(id);
 let state = null;
 let dark = false, touched = performance.now();
 let figures = [], figuresOf = "";
-let waitingPicture = null;
+let waitingPicture = null, raster = null;
 
 const line = new Line(hear);
 const view = new PictureView(element("camera"), (box) => line.ask({ do: "region", box }));
 const beside = new Beside(view, element("comparison"));
+
+new ResizeObserver(drawRaster).observe(element("projector"));
 
 async function hear(message) {
   if (message.kind === "state") {
@@ -68,7 +70,10 @@ async function showPicture(head) {
   put("clipped-share", percent(head.clipped));
   put("unlit-share", percent(head.unlit));
   put("levels", `mean ${["R", "G", "B"].map((name, k) => `${name} ${percent(head.mean[k])}`).join(", ")}`);
-  put("camera-title", head.frame ? `step ${head.frame.step} as captured` : "camera");
+  const title = head.frame ? `step ${head.frame.step} as captured` : "camera";
+  put("camera-title", title);
+  element("camera").setAttribute("aria-label",
+    `${title}: clipped ${percent(head.clipped)}, unlit ${percent(head.unlit)}`);
   showFrame(head.frame);
   const [, , width, height] = head.box;
   put("camera-note", `${width} × ${height} px${head.reduced > 1 ? `, shown ÷${head.reduced.toFixed(1)}` : ""}`);
@@ -91,15 +96,20 @@ function showFocus(head) {
 }
 
 async function showRaster(message) {
-  const image = await createImageBitmap(new Blob([message.files[0]], { type: "image/png" }));
+  raster = await createImageBitmap(new Blob([message.files[0]], { type: "image/png" }));
+  drawRaster();
+  element("projector").dataset.what = message.what;
+  put("expected", state?.shown ? "" : `the frame should show ${message.what}`);
+}
+
+function drawRaster() {
+  if (!raster) return;
   const canvas = element("projector");
   const context = sized(canvas);
-  const scale = Math.min(canvas.width / image.width, canvas.height / image.height);
-  const [width, height] = [image.width * scale, image.height * scale];
+  const scale = Math.min(canvas.width / raster.width, canvas.height / raster.height);
+  const [width, height] = [raster.width * scale, raster.height * scale];
   context.imageSmoothingEnabled = scale < 1;
-  context.drawImage(image, (canvas.width - width) / 2, (canvas.height - height) / 2, width, height);
-  canvas.dataset.what = message.what;
-  put("expected", state?.shown ? "" : `the frame should show ${message.what}`);
+  context.drawImage(raster, (canvas.width - width) / 2, (canvas.height - height) / 2, width, height);
 }
 
 function showScale() {
@@ -162,6 +172,11 @@ function pauseOrGoOn() {
   order(state.pausing || state.activity === "paused" ? "go-on" : "pause");
 }
 
+function step(factor) {
+  view.step(factor);
+  showScale();
+}
+
 function set(event) {
   event.preventDefault();
   document.activeElement.blur(); // so that the keys are commands again
@@ -206,11 +221,17 @@ const KEYS = {
   l: ACTIONS.live, e: ACTIONS.exposures, c: ACTIONS.clipped, u: ACTIONS.unlit,
   z: () => { view.toggle(); showScale(); }, p: pauseOrGoOn, S: ACTIONS.stop,
   r: ACTIONS.red, a: ACTIONS.auto, "?": ACTIONS.help,
+  "+": () => step(2), "=": () => step(2), "-": () => step(0.5),
+  ArrowLeft: () => view.pan(-1, 0), ArrowRight: () => view.pan(1, 0),
+  ArrowUp: () => view.pan(0, -1), ArrowDown: () => view.pan(0, 1),
 };
+const REPEATED = new Set(["+", "=", "-", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
 document.addEventListener("keydown", (event) => {
   touched = performance.now();
-  if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.repeat && !REPEATED.has(event.key)) return;
   if (event.target.matches("input:not([type=range]), select") || element("keys").open) return;
+  if (event.target.matches("input") && event.key.startsWith("Arrow")) return;
   if (event.key === " ") {
     event.preventDefault();
     if (dark) light();

@@ -72,12 +72,13 @@ function showPlan(state) {
   element("done").max = progress?.total ?? 1;
   element("done").value = progress?.done ?? 0;
   put("count", progress ? `${progress.done} of ${progress.total}` : "none");
-  put("session", state.session ? `in ${state.session}` : "");
-  put("left", progress?.left_s != null ? duration(progress.left_s) : "–");
-  put("pace", progress?.frame_s ? `${(60 / progress.frame_s).toFixed(1)} frames a minute` : "–");
+  put("session", state.session ? `session ${state.session}` : "");
+  const runs = ["capturing", "paused"].includes(state.activity);
+  value("left", runs && progress?.left_s > 0 && timeLeft(progress.left_s, state.activity));
+  value("pace", runs && progress?.frame_s && `${(60 / progress.frame_s).toFixed(1)} frames a minute`);
   const free = state.free_bytes;
-  const needed = progress ? `, ${bytes(progress.needed_bytes)} needed` : "";
-  put("disk", free == null ? "–" : `${bytes(free)} free${needed}`);
+  const needed = progress?.needed_bytes ? `, ${bytes(progress.needed_bytes)} to come` : "";
+  value("disk", free != null && `${bytes(free)} free${needed}`);
   element("disk").classList.toggle("differs", Boolean(progress && free != null && progress.needed_bytes > free));
 }
 
@@ -89,21 +90,32 @@ export function showSilence(state, silent_s) {
 }
 
 export function showFrame(frame) {
-  put("frame", frame ? `${frame.step}: ${frame.pattern}, ${bytes(frame.size_bytes)}` : "–");
-  put("exposed", frame?.settings ? inWords(frame.settings) : "–");
-  put("proof", frame ? proof(frame) : "–");
+  value("frame", frame && `${frame.step}: ${frame.pattern}, ${bytes(frame.size_bytes)}`);
+  element("frame").title = frame?.raster_sha256 ? `raster sha256 ${frame.raster_sha256}` : "";
+  value("exposed", frame?.settings && inWords(frame.settings));
+  const { measured, expected } = frame?.light ?? {};
+  value("frame-light", measured != null && `${measured.toFixed(3)} of white, due ${expected.toFixed(3)}`);
+  value("proof", frame && proof(frame.proofs));
   element("proof").classList.toggle("differs", Boolean(frame?.proofs.wrong.length));
 }
 
-function proof(frame) {
-  const words = ["settings as planned"];
-  if (frame.light.measured != null)
-    words.push(`light ${frame.light.measured.toFixed(3)} of white, pattern ${frame.light.expected.toFixed(3)}`);
-  const { judged, retaken, wrong } = frame.proofs;
-  if (judged) words.push(`${judged} frames judged, ${wrong.length ? wrong.join(", ") : "each shows its pattern"}`);
-  if (retaken) words.push(`${retaken} taken again`);
-  if (frame.raster_sha256) words.push(`raster ${frame.raster_sha256.slice(0, 8)}…`);
-  return words.join("; ");
+function proof({ judged, retaken, wrong }) {
+  if (!judged) return "judged when its pitch is complete";
+  const again = retaken ? `; ${retaken} taken again` : "";
+  return `${judged} frames judged, ${wrong.length ? wrong.join(", ") : "each shows its pattern"}${again}`;
+}
+
+function timeLeft(seconds, activity) {
+  if (activity !== "capturing") return duration(seconds);
+  const end = new Date(Date.now() + 1000 * seconds);
+  const day = seconds > 43_200 ? { weekday: "short" } : {};
+  return `${duration(seconds)}, until ${end.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", ...day })}`;
+}
+
+// A row without a value is left out.
+function value(id, text) {
+  element(id).classList.toggle("empty", !text);
+  put(id, text || "–");
 }
 
 let notesBefore = "";

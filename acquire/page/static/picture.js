@@ -144,8 +144,21 @@ export class PictureView {
   wheel(event) {
     event.preventDefault();
     if (!this.print) return;
-    const now = this.scale ?? this.fitted();
-    this.zoom(event.deltaY < 0 ? 2 ** Math.floor(Math.log2(now) + 1) : 2 ** Math.ceil(Math.log2(now) - 1), this.at(event));
+    this.step(event.deltaY < 0 ? 2 : 0.5, this.at(event));
+  }
+
+  // To the next whole power of two.
+  step(factor, at) {
+    if (!this.print) return;
+    const now = Math.log2(this.scale ?? this.fitted());
+    this.zoom(2 ** (factor > 1 ? Math.floor(now + 1) : Math.ceil(now - 1)), at);
+  }
+
+  pan(right, down) {
+    if (this.scale === null || !this.print) return;
+    const part = [right * this.canvas.width, down * this.canvas.height];
+    this.centre = this.centre.map((centre, k) => centre + part[k] / 8 / this.scale);
+    this.changed();
   }
 
   grab(event) {

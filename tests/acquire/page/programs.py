@@ -10,9 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import pytest
+
 from tests.acquire.page.pages import PATIENCE_S, Client
 from tests.processes import lines
 
+needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 HOME = Path(__file__).parents[3]
 
 
@@ -84,5 +87,18 @@ def children(pid: int) -> list[int]:
     return [
         int(child)
         for path in Path(f"/proc/{pid}/task").glob("*/children")
-        for child in path.read_text().split()
+        for child in _text(path).split()
     ]
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError:  # the thread has ended
+        return ""
+
+
+def descendants(pid: int) -> set[int]:
+    """Those processes, theirs, and so on; none where there is no /proc."""
+    own = children(pid)
+    return set(own).union(*(descendants(child) for child in own))

@@ -17,9 +17,8 @@ from acquire.page.state import Activity, Snapshot
 from acquire.session import Session
 from acquire.session.verification import problems
 from tests.acquire.page.pages import PATIENCE_S, served
-from tests.acquire.page.programs import Program, children
+from tests.acquire.page.programs import Program, children, needs_proc
 
-needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's /proc")
 PLAN = "[pattern]\npitch_px = [8, 12]\nshifts = [4, 2]\n[projector]\nsettle_s = 0.05\n"
 BENCH = 'kind = "sim"\n[sim]\ncamera_px = [16, 20]\nprojector_px = [48, 64]\nreal_time = true\n'
 
