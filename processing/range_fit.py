@@ -46,7 +46,7 @@ class AccountFit:
         float64, (n,).
     noise_errors
         float64, (n, 3): standard errors of direct light, subsurface scattering and the rest that
-        the noise of the frames makes.
+        the noise of the frames makes, what it does to the measured blur among it.
     misfits
         float64, (n, 3): those that `model_errors` of the slopes would make, were they independent,
         larger where the fit is worse than they and the noise allow.
@@ -120,6 +120,7 @@ def fit_places(
     white: Array,
     variance: Array,
     noise_gains: Array,
+    blur_deviations: Array,
 ) -> tuple[AccountFit, AccountFit]:
     """Fit two accounts where the places are known.
 
@@ -135,6 +136,8 @@ def fit_places(
         (n, 2), of the noise of a frame, and of white.
     noise_gains
         (pitches,), `slope_noise_gain`.
+    blur_deviations
+        (n, 2), `processing.blur.Blur.deviations`.
     """
     pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
     one, other = accounts
@@ -143,7 +146,7 @@ def fit_places(
         pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
         tables.pitch_px, gains, one.mixtures, other.mixtures, one.subsurface,
         other.subsurface, white, variance, noise_gains,
-        model_errors(tables.pitch_px, tables.blur_px2),
+        model_errors(tables.pitch_px, tables.blur_px2), blur_deviations,
     )  # fmt: skip
     return _result(fitted[:3]), _result(fitted[3:])
 
@@ -230,7 +233,7 @@ def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ign
 
 @njit(cache=True, fastmath=True)
 def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore[no-untyped-def]
-    """D and ⟨Z_0, Z_0⟩ of one pitch; fills the responses of all spreads."""
+    """D, ⟨Z_0, Z_0⟩ of one pitch and the part of Z⁺ in it; fills the responses of all spreads."""
     bin_y, part_y = _bin(y, 2 * pitch)
     bin_x, part_x = _bin(x, 2 * pitch)
     bin_y, bin_x = bin_y + first, bin_x + first
@@ -244,7 +247,7 @@ def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore
     for r in range(1, len(response)):
         at_y, at_x = _between(down, bin_y, part_y, r), _between(right, bin_x, part_x, r)
         response[r] = (at_y * (at_x * gained + np.conj(at_x) * lessened)).real
-    return slope, energy
+    return slope, energy, np.abs(plus) ** 2 / energy
 
 
 @njit(cache=True, fastmath=True)
@@ -271,9 +274,10 @@ def _mirror(matrix):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _solve(  # type: ignore[no-untyped-def]
-    gram, noise_gram, moment, square, white, white_variance, subsurface, degrees, amounts, parts,
+    gram, noise_gram, moment, square, white, white_variance, bent, subsurface, degrees, amounts,
+    parts,
 ):  # fmt: skip
-    """Hold the total to white, solve, share out; χ² of the rows."""
+    """Hold the total to white, solve, share out; χ² of the rows. `bent`: of AᵀWb by the blur."""
     n = len(moment)
     _mirror(gram)
     _mirror(noise_gram)
@@ -298,7 +302,7 @@ def _solve(  # type: ignore[no-untyped-def]
             response += inverse[a]
         noise = np.dot(response, noise_gram @ response)
         model = np.dot(response, gram @ response) - noise
-        noise += (weight * response.sum()) ** 2 * white_variance
+        noise += (weight * response.sum()) ** 2 * white_variance + np.sum((bent @ response) ** 2)
         parts[2 + k] = np.sqrt(max(noise, 0.0))
         parts[5 + k] = np.sqrt(inflation * max(model, 0.0))
     return chi2
@@ -307,7 +311,7 @@ def _solve(  # type: ignore[no-untyped-def]
 @njit(parallel=True, cache=True)
 def _fit_places(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, mixtures, others, subsurface,
-    other_subsurface, white, variance, noise_gains, model,
+    other_subsurface, white, variance, noise_gains, model, blur_deviations,
 ):  # fmt: skip
     n_pixels, n_pitches, _ = harmonics.shape
     n_spreads, n_ranges = mixtures.shape
@@ -320,11 +324,12 @@ def _fit_places(  # type: ignore[no-untyped-def]
         gram, moment = np.zeros((n_ranges + 1, n_ranges + 1)), np.zeros(n_ranges + 1)
         other_gram, other_moment = np.zeros((n_others + 1, n_others + 1)), np.zeros(n_others + 1)
         noise_gram, other_noise = np.zeros_like(gram), np.zeros_like(other_gram)
+        bent, other_bent = np.zeros((2, n_ranges + 1)), np.zeros((2, n_others + 1))
         response = np.zeros(n_spreads)
         row, other_row = np.zeros(n_ranges + 1), np.zeros(n_others + 1)
         square = 0.0
         for k in range(n_pitches):
-            slope, energy = _row(
+            slope, energy, rising = _row(
                 harmonics[i, k], down, right, first[k], pitch_px[k],
                 places[0, i], places[1, i], gain[i, k], response,
             )  # fmt: skip
@@ -335,13 +340,19 @@ def _fit_places(  # type: ignore[no-untyped-def]
             _add_row(gram, noise_gram, moment, row, slope, noise, off)
             _mix(response, others, other_row)
             _add_row(other_gram, other_noise, other_moment, other_row, slope, noise, off)
+            lift = slope * (np.pi / pitch_px[k]) ** 2 / (noise + off)
+            for d in range(2):
+                # Skew blurs one diagonal as much more as the other less.
+                shift = lift * blur_deviations[i, d] * (2 * rising - 1 if d else 1.0)
+                bent[d] += shift * row
+                other_bent[d] += shift * other_row
         chi2[i] = _solve(
-            gram, noise_gram, moment, square, white[i], variance[i, 1], subsurface, degrees,
-            amounts[i], parts[i],
+            gram, noise_gram, moment, square, white[i], variance[i, 1], bent, subsurface,
+            degrees, amounts[i], parts[i],
         )  # fmt: skip
         other_chi2[i] = _solve(
             other_gram, other_noise, other_moment, square, white[i], variance[i, 1],
-            other_subsurface, degrees, other_amounts[i], other_parts[i],
+            other_bent, other_subsurface, degrees, other_amounts[i], other_parts[i],
         )  # fmt: skip
     return amounts, parts, chi2, other_amounts, other_parts, other_chi2
 
@@ -359,6 +370,7 @@ def _mix(response, mixtures, row):  # type: ignore[no-untyped-def]
 def _fit_rows(rows, responses, subsurface, white, variance, model):  # type: ignore[no-untyped-def]
     n_pixels, n_pitches = rows.shape
     n_ranges = responses.shape[1]
+    bent = np.zeros((2, n_ranges + 1))
     amounts = np.zeros((n_pixels, n_ranges + 1))
     parts, chi2 = np.zeros((n_pixels, 8)), np.zeros(n_pixels)
     for i in prange(n_pixels):
@@ -373,7 +385,7 @@ def _fit_rows(rows, responses, subsurface, white, variance, model):  # type: ign
             square += rows[i, k] ** 2 / (variance[k] + off)
         degrees = max(n_pitches - 4, 1)
         chi2[i] = _solve(
-            gram, noise_gram, moment, square, white[i], 0.0, subsurface, degrees, amounts[i],
-            parts[i],
+            gram, noise_gram, moment, square, white[i], 0.0, bent, subsurface, degrees,
+            amounts[i], parts[i],
         )  # fmt: skip
     return amounts, parts, chi2

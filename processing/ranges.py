@@ -100,6 +100,10 @@ class _Optics:
             axis=-1,
         )
 
+    def blur_deviations(self, shapes: Array) -> tuple[Array, ...]:
+        """(n, 2) of each colour for (3, n) footprints."""
+        return tuple(one.deviations(shapes) for one in self.blur)
+
 
 def decompose_ranges(
     stack: HarmonicsStack,
@@ -125,6 +129,30 @@ def decompose_ranges(
     progress
         Told the part of the work that is done, rising to 1.
     """
+    fitted = fit_ranges(stack, mask, blur=blur, noise=noise, progress=progress)
+    return assemble(fitted.capture, fitted.fits, fitted.found, fitted.sample, fitted.warnings)
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRanges:
+    """Everything that `assemble` makes components of; its parameters."""
+
+    capture: Capture
+    fits: RivalFits
+    found: NDArray[np.bool_]
+    sample: Fits
+    warnings: tuple[Remark, ...]
+
+
+def fit_ranges(
+    stack: HarmonicsStack,
+    mask: NDArray[np.bool_],
+    *,
+    blur: Sequence[Blur] | None = None,
+    noise: Array | None = None,
+    progress: Progress = _unheard,
+) -> FittedRanges:
+    """Fit both accounts at every pixel and choose between them; parameters as there."""
     white = stack.white()
     _check(mask, white, blur)
     spaced = lattice(mask.shape)
@@ -164,7 +192,9 @@ def decompose_ranges(
         noise=np.sqrt(noise @ half_lit),
     )
     spectra = _fitted(_sampled(stack, sample, optics), optics)
-    return assemble(capture, fits, found, spectra, warnings + _cautions(coherence[mask & ~settled]))
+    return FittedRanges(
+        capture, fits, found, spectra, warnings + _cautions(coherence[mask & ~settled])
+    )
 
 
 def _sampled(stack: HarmonicsStack, sample: Sample, optics: _Optics) -> _Located:
@@ -172,7 +202,9 @@ def _sampled(stack: HarmonicsStack, sample: Sample, optics: _Optics) -> _Located
     places = decode(sample.harmonics, stack.designs, optics.tables, stack.projector_px)
     shapes = sample.footprints(places.place_px.mean(axis=-1))
     light = sample.white.astype(np.float64)
-    return _Located(sample.harmonics, light, places, optics.gains(shapes))
+    return _Located(
+        sample.harmonics, light, places, optics.gains(shapes), optics.blur_deviations(shapes)
+    )
 
 
 def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -> None:
@@ -192,6 +224,7 @@ class _Located:
     light: Array
     places: Correspondence
     gains: Array
+    blur_deviations: tuple[Array, ...]
 
 
 def _locate(
@@ -214,6 +247,7 @@ def _locate(
         white[wide][usable][kept].astype(np.float64),
         Correspondence(places.place_px[:, kept], places.coherence[kept]),
         optics.gains(shapes[:, kept]),
+        optics.blur_deviations(shapes[:, kept]),
     )
 
 
@@ -294,6 +328,7 @@ def _fitted(located: _Located, optics: _Optics) -> Fits:
                 np.ascontiguousarray(located.light[:, colour]),
                 np.ascontiguousarray(variance[:, colour]),
                 optics.noise_gains,
+                located.blur_deviations[colour],
             )
         )
     return fits

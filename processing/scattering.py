@@ -44,6 +44,23 @@ class ChosenLight:
     model_errors: Image
 
 
+@dataclass(frozen=True, slots=True)
+class ChosenColour:
+    """One colour of what the evidence chose.
+
+    Parameters
+    ----------
+    components, noise_errors
+        float32, (3, height, width), as in `ChosenLight`.
+    signs
+        Of the model's error, see `processing.stated_errors.signs`.
+    """
+
+    components: Image
+    noise_errors: Image
+    signs: tuple[Image, Image, Image, Image, Image]
+
+
 class RivalFits:
     """Both accounts of every pixel, until the evidence chooses.
 
@@ -129,21 +146,26 @@ class RivalFits:
         """
         light = ChosenLight(*(np.zeros((3, *white.shape), np.float32) for _ in range(3)))
         for colour in range(white.shape[2]):
-            lit = white[..., colour]
-            accounts = self._direct[..., colour]
-            direct = np.minimum(np.where(found, accounts[1], accounts[0]), lit)
-            rival = np.minimum(np.where(found, accounts[0], accounts[1]), lit)
-            scattered = np.minimum(self._scattered[..., colour], lit - direct)
-            subsurface = np.where(found, scattered, np.float32(0))
-            parts = np.stack([direct, subsurface, lit - direct - subsurface])
-            errors = self._errors[..., colour]
-            noise, misfits = np.where(found, errors[1], errors[0]) * lit
-            light.components[..., colour] = parts
-            light.noise_errors[..., colour] = noise
-            light.model_errors[..., colour] = model_errors(
-                signs(misfits, parts, rival, scattered, found, mask)
-            )
+            one = self.colour(found, mask, white, colour)
+            light.components[..., colour] = one.components
+            light.noise_errors[..., colour] = one.noise_errors
+            light.model_errors[..., colour] = model_errors(one.signs)
         return light
+
+    def colour(
+        self, found: NDArray[np.bool_], mask: NDArray[np.bool_], white: Image, colour: int
+    ) -> ChosenColour:
+        """Components of one colour and what tells of their errors; parameters as for `chosen`."""
+        lit = white[..., colour]
+        accounts = self._direct[..., colour]
+        direct = np.minimum(np.where(found, accounts[1], accounts[0]), lit)
+        rival = np.minimum(np.where(found, accounts[0], accounts[1]), lit)
+        scattered = np.minimum(self._scattered[..., colour], lit - direct)
+        subsurface = np.where(found, scattered, np.float32(0))
+        parts = np.stack([direct, subsurface, lit - direct - subsurface])
+        errors = self._errors[..., colour]
+        noise, misfits = np.where(found, errors[1], errors[0]) * lit
+        return ChosenColour(parts, noise, signs(misfits, parts, rival, scattered, found, mask))
 
 
 def _relative(error: NDArray[np.floating], light: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -28,8 +28,8 @@ from scipy import ndimage
 
 Image = NDArray[np.float32]
 
-_SIGNS = ("misfit", "rivalry", "roughness", "doubt", "mixture")
-# One row a component: direct, subsurface, inter-reflection; columns as `_SIGNS`.
+SIGNS = ("misfit", "rivalry", "roughness", "doubt", "mixture")
+# One row a component: direct, subsurface, inter-reflection; columns as `SIGNS`.
 COEFFICIENTS = np.array(
     [
         [0.33, 0.21, 0.38, 0.13, 0.13],

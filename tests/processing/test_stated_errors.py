@@ -15,15 +15,20 @@ from tests.processing.light import PROJECTOR_PX, checkers
 from tests.processing.test_ranges import EVERYWHERE, SHAPE, opaque_scene
 
 REPEATS = 8
+PITCHES_PX = (8, 12, 16, 24, 48, 96)
 NOISE = 0.01
 BLUR_PX = 0.8
 
 
-@pytest.fixture(scope="module")
-def repeats() -> list[RangeDecomposition]:
+@pytest.fixture(
+    scope="module",
+    params=[[Blur(BLUR_PX**2)] * 3, None],
+    ids=["blur given", "blur measured"],
+)
+def repeats(request: pytest.FixtureRequest) -> list[RangeDecomposition]:
     """One scene, captured anew with other noise in every frame and in the one black frame."""
     scene = opaque_scene(BLUR_PX)
-    patterns = checkers()
+    patterns = checkers(PITCHES_PX)
     frames: list[tuple[Pattern, np.ndarray]] = [(one, scene.frame(one)) for one in patterns]
     found = []
     for seed in range(REPEATS):
@@ -33,7 +38,7 @@ def repeats() -> list[RangeDecomposition]:
         for pattern, frame in frames:
             exposed = frame + rng.normal(0, NOISE, scene.white.shape) - black
             stack.add(exposed.astype(np.float32), pattern)
-        found.append(decompose_ranges(stack, EVERYWHERE, blur=[Blur(BLUR_PX**2)] * 3))
+        found.append(decompose_ranges(stack, EVERYWHERE, blur=request.param))
     return found
 
 
@@ -41,7 +46,11 @@ def repeats() -> list[RangeDecomposition]:
 def test_the_noise_error_covers_the_mean_of_repeats(
     repeats: list[RangeDecomposition], component: int
 ) -> None:
-    """A value lies within one standard error of the mean of all at 68 % of the pixels, ± 3 %."""
+    """A value lies within one standard error of the mean of all at 68 % of the pixels, ± 3 %.
+
+    All pixels share the error of a measured blur, so that there is little chance to average over:
+    three colours of eight captures. Stated at nothing, it leaves 0.58 to 0.61 covered.
+    """
     values = np.stack([found.components[component] for found in repeats])
     errors = np.stack([found.noise_errors[component] for found in repeats])
     # Each value is part of the mean that it is compared with.
