@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.sample_noise import FEWEST_PAIRS, SampleNoise
+
 Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
@@ -29,6 +31,8 @@ LEAST_NUGGET = 1e-3
 # A lamp does not change by more from one frame to the next of a pitch.
 GAIN_BOUNDS = 0.6, 1.6
 COMPLEMENT = -0.999
+_GAIN_ROUNDS = 3
+_FEWEST_LIT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +44,19 @@ class Predictions:
     mean
         float64, (n,): m, the mean of white and black, by these frames.
     deviations
-        float64, (frames, n): frames in the light of the typical frame, less m.
+        float64, (frames, n): frames in the light of the mean, less m.
     residuals
         float64, (frames, n): deviations less what the trusted others predict.
     weights
         float64, (frames, frames): row k predicts frame k; 0 where a frame is not trusted.
     explained
         (frames,): part of a right frame's contrast that its prediction holds, in [0, 1].
+    unexplained
+        float64, (frames, n): variance of a right frame about its prediction, without noise.
     gains
-        (frames,): lamp and exposure against the typical frame.
+        (frames,): lamp and exposure against the mean.
     noise
-        Variance of a sample's noise.
+        (n,): variance of a frame's noise where its light is m.
     contrast
         Mean square of the deviations of a pattern with |2c − 1| = 1, noise taken off; ≥ 0.
     """
@@ -60,9 +66,15 @@ class Predictions:
     residuals: Array
     weights: Array
     explained: Array
+    unexplained: Array
     gains: Array
-    noise: float
+    noise: Array
     contrast: float
+
+    def expected(self, k: int) -> Array:
+        """Deviations that the others predict of frame k, (n,)."""
+        expected: Array = self.deviations[k] - self.residuals[k]
+        return expected
 
 
 def code_covariance(codes: Array) -> Array:
@@ -90,44 +102,50 @@ def predict(
     frames: Samples,
     covariance: Array,
     trusted: NDArray[np.bool_],
-    noise: float,
-    mean: Array | None,
+    noise: SampleNoise,
+    anchor: Array | None,
 ) -> Predictions:
     """Predict every frame from the trusted others.
 
     Parameters
     ----------
     frames
-        float32, (frames, n), linear light of n places.
+        float32, (frames, n), linear light of n places, that of black taken off.
     covariance
         (frames, frames), R of what the frames should show.
     trusted
         bool, (frames,), which may predict others.
     noise
-        Variance of a sample's noise.
-    mean
-        (n,), half of white and black; where complements were captured, they give a better one.
+        Of a sample.
+    anchor
+        (n,), half of white less black; three or more complementary pairs give a better mean.
     """
     if covariance.shape != (len(frames), len(frames)) or trusted.shape != (len(frames),):
         raise ValueError(f"{len(frames)} frames, but R {covariance.shape}, trust {trusted.shape}")
-    middle = _middle(frames, covariance, trusted, mean)
     values = frames.astype(np.float64)
-    contrast = _contrast(values - middle, covariance, trusted, noise)
-    nugget = max(noise / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
+    middle, is_anchored = _middle(values, covariance, trusted, anchor)
+    variance = noise.at(middle)
+    contrast = _contrast(values - middle, covariance, trusted, float(variance.mean()))
+    nugget = max(float(variance.mean()) / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
     weights, explained = _weights(covariance, trusted, nugget)
-    gains = _gains(values, middle, weights, trusted)
+    gains = _gains(values, middle, weights, complements(covariance))
+    if not is_anchored and trusted.any():
+        gains = gains / np.median(gains[trusted])
     values /= gains[:, np.newaxis]
-    middle = _middle(values, covariance, trusted, mean)
+    middle, _ = _middle(values, covariance, trusted, anchor)
     deviations = values - middle
+    contrast = _contrast(deviations, covariance, trusted, float(variance.mean()))
+    left = contrast * np.diag(covariance) * (1 - explained)
     return Predictions(
         mean=middle,
         deviations=deviations,
         residuals=deviations - weights @ deviations,
         weights=weights,
         explained=explained,
+        unexplained=np.repeat(left[:, np.newaxis], values.shape[1], axis=1),
         gains=gains,
-        noise=noise,
-        contrast=_contrast(deviations, covariance, trusted, noise),
+        noise=variance,
+        contrast=contrast,
     )
 
 
@@ -161,43 +179,30 @@ def weights_for(
     return weights, float(np.clip(1 - left / own, 0, 1))
 
 
-def pair_noise(frames: Samples, covariance: Array) -> float | None:
-    """Variance of a sample's noise from the sums of complementary pairs; None below three pairs.
-
-    All the sums are white plus black. Each is scaled to the level of their median; the median
-    over the pairs stands a minority of wrong frames.
-    """
-    sums = [frames[i].astype(np.float64) + frames[j] for i, j in complements(covariance)]
-    if len(sums) < 3:
-        return None
-    stack = np.stack(sums)
-    levels = stack.mean(axis=1)
-    stack *= (np.median(levels) / np.maximum(levels, 1e-9))[:, np.newaxis]
-    typical = np.median(stack, axis=0)
-    # The median of n values has π/(2n) of the variance of one (less so for few: on the safe side).
-    own = 1 - 1 / len(sums)
-    return float(np.median(np.mean((stack - typical) ** 2, axis=1)) / (2 * own))
-
-
 def _middle(
-    frames: NDArray[np.floating],
+    frames: Array,
     covariance: Array,
     trusted: NDArray[np.bool_],
-    mean: Array | None,
-) -> Array:
+    anchor: Array | None,
+) -> tuple[Array, bool]:
+    """m, and whether it is that of white and black."""
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
-    members = [k for pair in pairs for k in pair]
-    if not members:
-        if mean is not None:
-            return mean
-        members = list(np.flatnonzero(trusted))
-    total: Array = frames[members].mean(axis=0, dtype=np.float64)
-    return total
+    if len(pairs) >= FEWEST_PAIRS:
+        sums = np.stack([frames[first] + frames[second] for first, second in pairs])
+        # The median stands a minority of wrong pairs.
+        return np.median(sums, axis=0) / 2, False
+    if anchor is not None:
+        return anchor, True
+    members = [k for pair in pairs for k in pair] or list(np.flatnonzero(trusted))
+    members = members or list(range(len(frames)))
+    return frames[members].mean(axis=0), False
 
 
 def _contrast(
     deviations: Array, covariance: Array, trusted: NDArray[np.bool_], noise: float
 ) -> float:
+    if not trusted.any():
+        return 0.0
     power = np.mean(deviations[trusted] ** 2, axis=1) - noise
     return max(float(np.median(power / np.diag(covariance)[trusted])), 0.0)
 
@@ -213,20 +218,27 @@ def _weights(covariance: Array, trusted: NDArray[np.bool_], nugget: float) -> tu
     return weights, explained
 
 
-def _gains(values: Array, mean: Array, weights: Array, trusted: NDArray[np.bool_]) -> Array:
-    """Gains that let frames and their predictions agree best, in the mean 1.
+def _gains(values: Array, mean: Array, weights: Array, pairs: list[tuple[int, int]]) -> Array:
+    """Light of each frame against the mean, (frames,): medians over places that it lights.
 
-    With x = 1/gain the residuals are A(x f − m), A = 1 − weights; least squares in x.
+    Where a frame is the brighter one of a pair, f_k/g_k = 2m − f_k'/g_k'. The median stands frames
+    that are wrong at less than half of these places.
     """
-    n_frames, n = values.shape
-    residual = (np.eye(n_frames) - weights)[trusted]
-    inner = residual.T @ residual
-    power = float(mean @ mean) / n
-    left = inner * (values @ values.T) / n + 1e-3 * power * np.eye(n_frames)
-    right = inner.sum(axis=1) * (values @ mean) / n + 1e-3 * power
-    inverse = np.linalg.solve(left, right)
-    low, high = GAIN_BOUNDS
-    gains = np.clip(1 / np.clip(inverse, 1 / high, 1 / low), low, high)
-    gains[~trusted] = 1.0
-    scaled: Array = gains / np.median(gains[trusted]) if trusted.any() else gains
-    return scaled
+    gains = np.ones(len(values))
+    members = [k for pair in pairs for k in pair]
+    for _ in range(_GAIN_ROUNDS):
+        for first, second in pairs:
+            for k, other in ((first, second), (second, first)):
+                lit = values[k] > values[other]
+                due = 2 * mean - values[other] / gains[other]
+                gains[k] = _ratio(values[k], due, lit & (due > mean))
+        for k in sorted(set(range(len(values))) - set(members)):
+            due = mean + weights[k] @ (values / gains[:, np.newaxis] - mean)
+            gains[k] = _ratio(values[k], due, due > mean)
+    return gains
+
+
+def _ratio(light: Array, due: Array, chosen: NDArray[np.bool_]) -> float:
+    if chosen.sum() < _FEWEST_LIT * len(light):
+        return 1.0
+    return float(np.clip(np.median(light[chosen] / due[chosen]), *GAIN_BOUNDS))

@@ -1,122 +1,54 @@
-"""Whether frames show what they should: each against its prediction and against what goes wrong.
+"""Whether frames show what they should, each against its prediction from the others.
 
-A frame f with the prediction m + p is compared with pictures that it may show instead. For the
-alternative a, the matched filter
-
-    s = ⟨e − p, a − p⟩ / ⟨a − p, a − p⟩
-
-is 0 where the frame shows its own pattern and 1 where it shows the other; the noise that
-prediction and alternative bring into both products is known and taken off. It is evaluated over
-the whole frame and in each block of it, which finds frames that are drawn in part; a comparison
-in which the two pictures differ by too little to be told apart is not made. What shows none of
-the known alternatives is found by its residual.
+Frames that differ somewhere from their predictions by more than noise and model allow
+(`processing.mismatch`) are suspects. The one whose being wrong explains most
+(`processing.suspicion`) is no longer trusted and everything is predicted anew, until the trusted
+frames agree.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.finding import Finding, Judgement
+from processing.mismatch import mismatch
+from processing.parts import Parts
+from processing.phases import Phases
 from processing.prediction import (
     GAIN_BOUNDS,
     Array,
     Predictions,
     Samples,
     complements,
-    pair_noise,
     predict,
 )
+from processing.sample_noise import SampleNoise, noise_of_pairs
+from processing.suspicion import AMBIGUOUS, Shown, Suspicion, suspicion
 
-WRONG_AT = 0.5
-# s has a standard deviation of at most 1/11 where the pictures differ by so many times its noise.
-LEAST_DIFFERENCE = 16.0
-# A block's pictures must differ by this part of its contrast: errors of the prediction grow with
-# the contrast, not with the difference.
-LEAST_PART = 0.08
-# Level of a block relative to its prediction below which it counts as not lit.
-BLANK_AT = 0.35
 # Level of a frame relative to the mean of white and black below which it shows no light, and that
 # its prediction has at least if it should show some.
 DARK_AT = 0.1
 DUE_AT_LEAST = 0.3
 # Change from the picture before, in parts of what such changes are at the least changing fifth of
-# the frames, below which the frame shows that picture.
+# the frames, below which the frame shows that picture; asked only where predictions say nothing.
 SAME_AT = 0.15
 TYPICAL_PERCENTILE = 20
-# Residual, in parts of the contrast, above which a frame with a perfect prediction is wrong.
-OTHER_AT = 0.35
-# A prediction that holds less of the contrast says nothing about a frame, one that holds less
-# than the second number nothing about its blocks.
-LEAST_EXPLAINED = 0.5
-EXPLAINS_BLOCKS = 0.97
-LEAST_NOISE = 1e-10
+# A linear prediction that holds less of the contrast is not exact.
+EXACT_FROM = 0.97
+# A prediction that holds less of the contrast says nothing about a frame.
+LEAST_EXPLAINED = 0.3
+# One that holds more acquits.
+CLEAR_FROM = 0.7
+# Part of the places that the picture before takes up where the frame shows nothing else.
+WHOLE_AT = 0.6
+# Frames without any noise are computed ones, in which equal files prove nothing.
 COMPUTED_NOISE = 1e-9
 
-
-class Finding(StrEnum):
-    """What a frame is found to show.
-
-    ``doubtful`` frames do not agree with their complement, which looks wrong itself; ``unseen``
-    ones have a pattern too faint or too unpredictable to be told from others.
-    """
-
-    OWN = "own"
-    PREVIOUS = "previous"
-    BLANK = "blank"
-    PARTIAL = "partial"
-    OTHER = "other"
-    DOUBTFUL = "doubtful"
-    UNSEEN = "unseen"
-
-
-class Certainty(IntEnum):
-    """How specific the evidence against a frame is.
-
-    A wrong frame makes its complement look wrong too; the one whose error has a known form is it.
-    """
-
-    NONE = 0
-    PARTNER = 1
-    RESIDUAL = 2
-    PARTS = 3
-    WHOLE = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """A frame against its prediction.
-
-    Parameters
-    ----------
-    finding
-        What it shows; ``unseen`` where its pattern is too faint or unpredictable to be told.
-    change
-        Mean square of the difference from the picture before, noise taken off, in parts of what
-        their codes let expect: 0 where both show the same. NaN where there is none before.
-    level
-        Light of the frame over that of the mean of white and black, black taken off.
-    residual
-        Mean square of what the prediction leaves, in parts of the contrast, noise taken off.
-    gain
-        Lamp and exposure relative to the typical frame of the kind.
-    certainty
-        How specific the evidence is, 0 for none; orders the frames of a kind.
-    """
-
-    finding: Finding
-    change: float
-    level: float
-    residual: float
-    gain: float
-    certainty: int
-
-    @property
-    def is_wrong(self) -> bool:
-        """The frame shows something else than its pattern."""
-        return self.finding not in {Finding.OWN, Finding.UNSEEN}
+_UNSPECIFIC = {Finding.OTHER, Finding.PARTIAL}
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +58,7 @@ class Kind:
     Parameters
     ----------
     frames
-        float32, (frames, n), linear light.
+        float32, (frames, n), linear light, that of black taken off where it was captured.
     before
         float32, (frames, n): the picture that was taken before each of them; NaN where none was
         or where it was wrong.
@@ -135,18 +67,16 @@ class Kind:
         has.
     covariance
         (frames, frames), of the codes (see `processing.prediction`).
+    phases
+        Codes over the period.
     change
         (frames,): mean square of 2(c − c') with c' the code of the picture before.
-    blocks
-        int, (n,): the block, 0, 1 …, that a place lies in.
-    strips
-        int, (n,): the same for strips across the picture, which pictures are drawn in.
-    black
-        (n,), light with the projector black; 0 where it was not captured.
-    mean
-        (n,), half of white and black; None where they were not captured.
+    partitions
+        The whole picture, blocks of it, and strips across it, which pictures are drawn in.
+    white
+        (n,), white less black; None where they were not captured.
     noise
-        Variance of a sample's noise, for kinds without three complementary pairs.
+        Of a sample, for kinds without three complementary pairs.
     repeated
         bool, (frames,): the file is that of the exposure before, byte for byte.
     """
@@ -155,73 +85,179 @@ class Kind:
     before: Samples
     before_index: NDArray[np.int64]
     covariance: Array
+    phases: Phases
     change: Array
-    blocks: NDArray[np.int64]
-    strips: NDArray[np.int64]
-    black: Array
-    mean: Array | None
-    noise: float
+    partitions: tuple[Parts, ...]
+    white: Array | None
+    noise: SampleNoise
     repeated: NDArray[np.bool_]
 
 
 def judge(kind: Kind) -> tuple[Judgement, ...]:
     """Judge every frame of a kind.
 
-    The frame for whose error there is most evidence is no longer trusted and everything is
-    predicted anew, until the frames agree. Where a frame and its complement do not add up to
-    white and neither shows a known mishap, both stand accused, the likelier one first.
+    Where a frame and its complement do not agree and nothing tells which of them is wrong, both
+    stand accused, the likelier one first.
     """
-    measured = pair_noise(kind.frames, kind.covariance)
-    noise = max(kind.noise if measured is None else measured, LEAST_NOISE)
-    partner = dict(complements(kind.covariance))
-    partner |= {second: first for first, second in partner.items()}
-    # Frames without any noise are computed ones, in which equal files prove nothing.
-    repeated = kind.repeated & (noise > COMPUTED_NOISE)
-    trusted = ~repeated
-    accused: dict[int, Judgement] = {}
-    while True:
-        found = list(_hearing(kind, trusted, noise))
-        suspects = [int(k) for k in np.flatnonzero(trusted) if found[k].is_wrong]
+    court = _Court(kind)
+    while court.accuse():
+        pass
+    return court.judgements()
+
+
+class _Court:
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
+        pairs = complements(kind.covariance)
+        self.partner = dict(pairs) | {second: first for first, second in pairs}
+        self.noise = noise_of_pairs(kind.frames, pairs) or kind.noise
+        computed = self.noise.read <= COMPUTED_NOISE and self.noise.shot <= COMPUTED_NOISE
+        self.repeated = kind.repeated & (not computed)
+        self.trusted = ~self.repeated
+        self.accused: dict[int, Finding] = {}
+        self._hear()
+
+    def _hear(self) -> None:
+        kind = self.kind
+        anchor = None if kind.white is None else kind.white / 2
+        linear = predict(kind.frames, kind.covariance, self.trusted, self.noise, anchor)
+        self.exact = linear.explained >= EXACT_FROM
+        self.predicted = self._by_phases(linear)
+        self.seen = mismatch(
+            self.predicted, kind.covariance, self.trusted, self.exact, kind.partitions
+        )
+        self.changes = _changes(kind, self.predicted, self.trusted)
+        self.found = [self._finding(k) for k in range(len(kind.frames))]
+
+    def _by_phases(self, linear: Predictions) -> Predictions:
+        """The predictions, by phases where the others do not predict a frame exactly."""
+        residuals, unexplained = linear.residuals.copy(), linear.unexplained.copy()
+        explained, weights = linear.explained.copy(), linear.weights.copy()
+        for k in np.flatnonzero(~self.exact):
+            believed = self.trusted.copy()
+            believed[k] = False
+            expected, left = self.kind.phases.predicted(
+                linear.deviations, linear.noise, believed, int(k)
+            )
+            residuals[k] = linear.deviations[k] - expected
+            unexplained[k] = left
+            power = linear.contrast * float(self.kind.covariance[k, k])
+            known = left[np.isfinite(left)] / max(power, 1e-30)
+            explained[k] = 1 - float(np.mean(np.minimum(known, 1))) if known.size else 0.0
+            weights[k] = 0
+        return replace(
+            linear,
+            residuals=residuals,
+            unexplained=unexplained,
+            explained=explained,
+            weights=weights,
+        )
+
+    def accuse(self) -> bool:
+        """Trust the most suspicious frame no longer; False where the trusted frames agree."""
+        suspects = [
+            int(k)
+            for k in np.flatnonzero(self.trusted)
+            if self.found[k] not in {Finding.OWN, Finding.UNSEEN}
+        ]
         if not suspects:
-            for again in map(int, np.flatnonzero(repeated)):
-                found[again] = replace(
-                    found[again], finding=Finding.PREVIOUS, change=0.0, certainty=Certainty.WHOLE
-                )
-            for k, judgement in accused.items():
-                if found[k].certainty < judgement.certainty:
-                    found[k] = judgement
-            return tuple(found)
-        most = max(found[k].certainty for k in suspects)
-        worst = [k for k in suspects if found[k].certainty == most]
-        first = worst[0]
-        if len(worst) > 1:
-            alone = _alone(kind, trusted, noise)
-            first = max(worst, key=lambda k: float(alone[k]))
-        trusted[first] = False
-        other = partner.get(first)
-        if most < Certainty.WHOLE:
-            accused[first] = found[first]
-            if other is not None and trusted[other]:
-                trusted[other] = False
-                accused[other] = replace(
-                    found[other], finding=Finding.DOUBTFUL, certainty=Certainty.PARTNER
-                )
+            return False
+        cases = {k: self._case(k) for k in suspects}
+        first = max(suspects, key=lambda k: cases[k].evidence)
+        self.trusted[first] = False
+        self.accused[first] = self._named(first, cases[first])
+        other = self.partner.get(first, first)
+        if other != first and other in cases and not _tells(cases[first], cases[other]):
+            self.trusted[other] = False
+            self.accused[other] = Finding.DOUBTFUL
+        self._hear()
+        return True
+
+    def judgements(self) -> tuple[Judgement, ...]:
+        """Of every frame; those accused are acquitted where the others clearly predict them."""
+        found = list(self.found)
+        for k, finding in self.accused.items():
+            clear = self.predicted.explained[k] > CLEAR_FROM
+            if found[k] is not Finding.OWN or not clear:
+                found[k] = finding
+        for k in self.accused:
+            # It may be its complement that is wrong, and nothing speaks for that one.
+            other = self.partner.get(k, k)
+            if found[k] in _UNSPECIFIC and found[other] is Finding.UNSEEN:
+                found[other] = Finding.DOUBTFUL
+        for again in map(int, np.flatnonzero(self.repeated)):
+            found[again] = Finding.PREVIOUS
+            self.changes[again] = 0.0
+        return tuple(self._judgement(k, finding) for k, finding in enumerate(found))
+
+    def _judgement(self, k: int, finding: Finding) -> Judgement:
+        return Judgement(
+            finding,
+            change=float(self.changes[k]),
+            level=self._levels(k)[0],
+            residual=float(self.seen.share[k]),
+            gain=float(self.predicted.gains[k]),
+        )
+
+    def _finding(self, k: int) -> Finding:
+        level, due = self._levels(k)
+        if level < DARK_AT and due > DUE_AT_LEAST:
+            return Finding.BLANK
+        can_tell = bool(self.seen.can_tell[k])
+        if not (self.exact[k] and can_tell):
+            usual = self.changes[np.isfinite(self.changes)]
+            typical = float(np.percentile(usual, TYPICAL_PERCENTILE)) if usual.size else np.nan
+            if self.changes[k] < SAME_AT * typical:
+                return Finding.PREVIOUS
+        if self.predicted.explained[k] < LEAST_EXPLAINED or not can_tell:
+            return Finding.UNSEEN
+        return Finding.OTHER if self.seen.places[k].any() else Finding.OWN
+
+    def _levels(self, k: int) -> tuple[float, float]:
+        """Light of the frame and of its prediction over that of the mean."""
+        whole = float(self.predicted.mean.sum())
+        if whole <= 0:
+            return float("nan"), float("nan")
+        expected = self.predicted.expected(k)
+        return float(self.kind.frames[k].sum()) / whole, 1 + float(expected.sum()) / whole
+
+    def _case(self, k: int) -> Suspicion:
+        if not self.seen.places[k].any():
+            return Suspicion(np.inf, Shown.BEFORE, 1.0)
+        others = self.trusted.copy()
+        others[[k, self.partner.get(k, k)]] = False
+        predicted = self.predicted
+        alone = self.kind.phases.predicted(predicted.deviations, predicted.noise, others, k)
+        power = float(self.kind.covariance[k, k])
+        return suspicion(predicted, self.seen, power, alone, k, self._pictures(k))
+
+    def _pictures(self, k: int) -> Iterator[tuple[Shown, Array]]:
+        """What frame k may show, in its light."""
+        kind, predicted = self.kind, self.predicted
+        before = kind.before[k].astype(np.float64)
+        if not np.isnan(before).any():
+            yield Shown.BEFORE, before / predicted.gains[k]
+        j = int(kind.before_index[k])
+        if j >= 0:
+            yield Shown.BEFORE, predicted.mean + predicted.expected(j)
+        yield Shown.BLACK, np.zeros_like(predicted.mean)
+        yield Shown.WHITE, 2 * predicted.mean
+
+    def _named(self, k: int, case: Suspicion) -> Finding:
+        if self.found[k] in {Finding.BLANK, Finding.PREVIOUS}:
+            return self.found[k]
+        part = float(self.seen.places[k].mean())
+        whole = part > WHOLE_AT and case.mixed > WHOLE_AT
+        if case.shown is Shown.BEFORE and whole:
+            return Finding.PREVIOUS
+        if case.shown is Shown.ANYTHING or part > WHOLE_AT:
+            return Finding.OTHER
+        return Finding.PARTIAL
 
 
-def _hearing(kind: Kind, trusted: NDArray[np.bool_], noise: float) -> tuple[Judgement, ...]:
-    predicted = predict(kind.frames, kind.covariance, trusted, noise, kind.mean)
-    changes = _changes(kind, predicted, trusted)
-    return tuple(_judged(kind, predicted, k, changes) for k in range(len(kind.frames)))
-
-
-def _alone(kind: Kind, trusted: NDArray[np.bool_], noise: float) -> Array:
-    """Residual of each frame when its complement has no say: tells which of the two is wrong."""
-    covariance = kind.covariance.copy()
-    for first, second in complements(covariance):
-        covariance[first, second] = covariance[second, first] = 0
-    predicted = predict(kind.frames, covariance, trusted, noise, kind.mean)
-    power: Array = np.mean(predicted.residuals**2, axis=1)
-    return power
+def _tells(first: Suspicion, other: Suspicion) -> bool:
+    """Whether the case against the first is clearly the stronger one."""
+    return first.evidence - other.evidence >= AMBIGUOUS
 
 
 def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> Array:
@@ -231,10 +267,11 @@ def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> 
     where that is known: what was taken before may have been wrong itself.
     """
     n_frames, n = kind.frames.shape
+    noise = float(predicted.noise.mean())
     expected = predicted.contrast * kind.change
-    power = _distance(kind.frames, kind.before) - 2 * predicted.noise
-    partner = dict(complements(kind.covariance))
-    partner |= {second: first for first, second in partner.items()}
+    power = _distance(kind.frames, kind.before) - 2 * noise
+    pairs = complements(kind.covariance)
+    partner = dict(pairs) | {second: first for first, second in pairs}
     for k in range(n_frames):
         j = int(kind.before_index[k])
         if j >= 0 and not trusted[j]:
@@ -243,9 +280,9 @@ def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> 
         if other != k and trusted[other]:
             due = predicted.mean - predicted.deviations[other]
             away = _distance(kind.frames[k : k + 1], due[np.newaxis])[0]
-            power[k] = np.fmin(power[k], away - 2 * predicted.noise)
+            power[k] = np.fmin(power[k], away - 2 * noise)
     # Six standard deviations of the noise's mean square.
-    visible = expected > 6 * 2 * predicted.noise * np.sqrt(2 / n) / SAME_AT
+    visible = expected > 6 * 2 * noise * np.sqrt(2 / n) / SAME_AT
     changes: Array = np.where(visible, power / np.maximum(expected, 1e-30), np.nan)
     return changes
 
@@ -257,106 +294,3 @@ def _distance(frames: NDArray[np.floating], others: NDArray[np.floating]) -> Arr
     first -= np.clip(scale, *GAIN_BOUNDS)[:, np.newaxis] * second
     power: Array = np.mean(first**2, axis=1)
     return power
-
-
-def _judged(kind: Kind, predicted: Predictions, k: int, changes: Array) -> Judgement:
-    residual = predicted.residuals[k]
-    n, noise = len(residual), predicted.noise
-    spread = noise * float(np.sum(predicted.weights[k] ** 2))
-    contrast = predicted.contrast * float(kind.covariance[k, k])
-    left = float(residual @ residual) / n - noise - spread
-    share = left / contrast if contrast > 0 else 0.0
-    level, due, levels = _levels(kind, predicted, k)
-    usual = changes[np.isfinite(changes)]
-    typical = float(np.percentile(usual, TYPICAL_PERCENTILE)) if usual.size else np.nan
-    visible = contrast > LEAST_DIFFERENCE * noise / np.sqrt(n)
-    finding, certainty = Finding.OWN, Certainty.NONE
-    if level < DARK_AT and due > DUE_AT_LEAST:
-        finding, certainty = Finding.BLANK, Certainty.WHOLE
-    elif changes[k] < SAME_AT * typical:
-        finding, certainty = Finding.PREVIOUS, Certainty.WHOLE
-    elif not visible or predicted.explained[k] < LEAST_EXPLAINED:
-        finding = Finding.UNSEEN
-    elif np.any(levels < BLANK_AT) or _shows_before(kind, predicted, k, spread):
-        finding, certainty = Finding.PARTIAL, Certainty.PARTS
-    elif share > OTHER_AT + 1.5 * (1 - float(predicted.explained[k])):
-        finding, certainty = Finding.OTHER, Certainty.RESIDUAL
-    return Judgement(finding, float(changes[k]), level, share, float(predicted.gains[k]), certainty)
-
-
-def _levels(kind: Kind, predicted: Predictions, k: int) -> tuple[float, float, Array]:
-    """Light of the frame and of its prediction over that of the mean; of its blocks over that due.
-
-    Blocks in which no light is due, or whose prediction is not exact, are NaN.
-    """
-    grey = np.bincount(kind.blocks, predicted.mean - kind.black)
-    seen = np.bincount(kind.blocks, kind.frames[k] - kind.black)
-    expected = predicted.deviations[k] - predicted.residuals[k]
-    due = grey + np.bincount(kind.blocks, expected)
-    enough = due > np.maximum(0.25 * grey, 0.02 * grey.sum() / len(grey))
-    enough &= grey > 40 * np.sqrt(predicted.noise * np.bincount(kind.blocks))
-    enough &= predicted.explained[k] > EXPLAINS_BLOCKS
-    levels = np.full(len(grey), np.nan)
-    levels[enough] = seen[enough] / due[enough]
-    whole = float(grey.sum())
-    if whole <= 0:
-        return float("nan"), float("nan"), levels
-    return float(seen.sum()) / whole, float(due.sum()) / whole, levels
-
-
-def _shows_before(kind: Kind, predicted: Predictions, k: int, spread: float) -> bool:
-    """Whether any part of the frame shows the picture before."""
-    found = _picture_before(kind, predicted, k)
-    if found is None or predicted.explained[k] < EXPLAINS_BLOCKS:
-        return False
-    parts = (_shares(labels, predicted, k, spread, *found) for labels in (kind.blocks, kind.strips))
-    return any(bool(np.any(shares > WRONG_AT)) for shares in parts)
-
-
-def _picture_before(
-    kind: Kind, predicted: Predictions, k: int
-) -> tuple[Array, float, float] | None:
-    """The picture before, its noise, and what of it the frame's prediction shares."""
-    j = int(kind.before_index[k])
-    before = kind.before[k].astype(np.float64)
-    if not np.isnan(before).any():
-        shared = predicted.noise * float(predicted.weights[k, j]) if j >= 0 else 0.0
-        return before, predicted.noise, shared
-    if j >= 0 and predicted.explained[j] > EXPLAINS_BLOCKS:
-        before = predicted.mean + predicted.deviations[j] - predicted.residuals[j]
-        return before, predicted.noise * float(np.sum(predicted.weights[j] ** 2)), 0.0
-    return None
-
-
-def _shares(
-    labels: NDArray[np.int64],
-    predicted: Predictions,
-    k: int,
-    spread: float,
-    before: Array,
-    own: float,
-    shared: float,
-) -> Array:
-    """Matched filter against the picture before in every part; NaN where it cannot be told."""
-    sizes = np.bincount(labels)
-    residual = predicted.residuals[k]
-    expected = predicted.deviations[k] - residual
-    way = before - predicted.mean - expected
-    along = np.bincount(labels, residual * way) - sizes * (spread - shared)
-    length = np.bincount(labels, way * way)
-    length = length - sizes * (own - 2 * shared + spread)
-    power = np.bincount(labels, expected**2)
-    least = np.maximum(LEAST_DIFFERENCE * predicted.noise * np.sqrt(sizes), LEAST_PART * power)
-    shares: Array = np.where(length > least, along / np.maximum(length, 1e-30), np.nan)
-    return shares
-
-
-def block_labels(
-    places: tuple[NDArray[np.int64], NDArray[np.int64]],
-    shape: tuple[int, int],
-    counts: tuple[int, int],
-) -> NDArray[np.int64]:
-    """Block of each place (row, column) when an image of `shape` is cut into (down, right)."""
-    down, right = (places[axis] * counts[axis] // shape[axis] for axis in (0, 1))
-    labels: NDArray[np.int64] = down * counts[1] + right
-    return np.unique(labels, return_inverse=True)[1].astype(np.int64)

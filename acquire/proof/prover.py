@@ -16,7 +16,7 @@ from acquire.proof.units import Unit
 from acquire.session import FrameRecord, Session, Transfer
 from acquire.session.log import Kind
 from drivers.errors import DecodeError
-from processing.showing import Finding
+from processing.finding import Finding
 
 RETAKES = 3
 # Exposures in a row that cannot be what they should be, after which the capture stops.
@@ -157,9 +157,11 @@ class Prover:
         again = f"taking it again ({self._retakes[chosen.step]} of {RETAKES})"
         return chosen.step, f"{self._named(chosen)} {chosen.in_words}; {again}."
 
-    def _order(self, proof: FrameProof) -> tuple[int, int, int, int]:
+    def _order(self, proof: FrameProof) -> tuple[int, int, int, int, int]:
         reference = self._session.plan.patterns[proof.step].family.is_reference
         return (
+            # Patterns are judged against the references.
+            not reference,
             # What the other one of a pair may be guilty of: first those not taken again yet.
             proof.finding not in _SPECIFIC,
             proof.attempt,

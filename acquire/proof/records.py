@@ -10,11 +10,12 @@ from pydantic import Field, ValidationError
 
 from acquire.errors import SessionError
 from acquire.plan import MAX_STEPS
+from acquire.proof.exposures import Exposure
 from acquire.session.folder import append_durably, read_plain, storage, whole_bytes
 from acquire.session.records import MAX_ATTEMPTS
 from acquire.session.store import PROOF
 from acquire.validation import StrictModel, explain
-from processing.showing import Finding
+from processing.finding import Finding
 
 MAX_BYTES = 256 << 20
 
@@ -66,6 +67,22 @@ class FrameProof(StrictModel):
 def figure(value: float) -> float | None:
     """A figure of a line: six digits, null where it is none."""
     return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def rounded(moved: tuple[float, float] | None) -> tuple[float, float] | None:
+    """A movement of a line, to a thousandth of a pixel."""
+    return None if moved is None else (round(moved[0], 3), round(moved[1], 3))
+
+
+def plain_proof(exposure: Exposure, finding: Finding) -> FrameProof:
+    """The line of an exposure, without figures of comparisons."""
+    return FrameProof(
+        step=exposure.record.step,
+        attempt=exposure.record.attempt,
+        finding=finding,
+        saturated=float(f"{exposure.samples.saturated_part:.6g}"),
+        camera_time=exposure.samples.camera_time,
+    )
 
 
 def append_proofs(folder: Path, proofs: Iterable[FrameProof]) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from acquire.proof.records import FrameProof, read_proofs
 from acquire.result import PitchRecord, ProofRecord
 from acquire.session import Session
-from processing.showing import Finding
+from processing.finding import Finding
 
 
 def proof_of(session: Session) -> ProofRecord | None:

@@ -1,0 +1,61 @@
+"""White and black, and what they say about the places of a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquire.proof.samples import FrameSamples
+from processing.noise import noise_deviation
+from processing.parts import Parts
+from processing.sample_noise import SampleNoise, noise_through
+
+# Parts of the bright level (99th percentile): what is darker is not lit, or not looked at.
+UNLIT = 0.01
+LOOKED_AT = 0.03
+BLOCKS = 4, 4
+STRIPS = 16, 1
+
+
+@dataclass(frozen=True, slots=True)
+class WhiteBlack:
+    """The first white and the first black, exposed alike."""
+
+    white: FrameSamples
+    black: FrameSamples
+
+    def lit(self, part: float) -> NDArray[np.bool_]:
+        """bool, (rows, columns): places that white lights, by so much of the bright level."""
+        light = self.white.grid - self.black.grid
+        lit: NDArray[np.bool_] = light > part * float(np.percentile(light, 99))
+        return lit
+
+    @property
+    def unlit(self) -> float:
+        """Part of the places that white does not light."""
+        return 1 - float(self.lit(UNLIT).mean())
+
+    @property
+    def noise(self) -> SampleNoise:
+        """Noise of a sample, from how dark and how bright windows scatter."""
+        points = [(float(one.window.mean()), window_noise(one)) for one in (self.black, self.white)]
+        return noise_through(points[0], points[1])
+
+
+def window_noise(samples: FrameSamples) -> float:
+    """Variance of a pixel's noise, mean over the window."""
+    window = samples.window
+    if min(window.shape) < 3:
+        return 0.0
+    usable = np.ones(window.shape, bool)
+    return noise_deviation(window[..., np.newaxis], usable) ** 2
+
+
+def partitions_of(lit: NDArray[np.bool_]) -> tuple[Parts, ...]:
+    """The whole of the lit places, blocks, and strips across the picture."""
+    down, right = np.nonzero(lit)
+    return tuple(
+        Parts.grid((down, right), lit.shape, counts) for counts in ((1, 1), BLOCKS, STRIPS)
+    )

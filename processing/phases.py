@@ -1,0 +1,111 @@
+"""What a frame ought to look like, from where each place lies in the period of its pattern.
+
+The light of a place is e_k = h s_k(q) + noise in every frame of a pitch: s_k = 2c_k − 1, the code
+at the place q of the period that it sees, and an amplitude h ≥ 0. On a lattice of places, the
+posterior with flat priors is
+
+    P(q) ∝ exp(⟨e, s(q)⟩² / (2 σ² ⟨s(q), s(q)⟩)),    h(q) = ⟨e, s(q)⟩ / ⟨s(q), s(q)⟩,
+
+over the frames that are believed, and Σ P h s_k predicts another one, with the variance
+Σ P (h s_k)² − (Σ P h s_k)². Unlike a linear prediction it is certain of most places even where no
+complement was captured, and knows of which not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from processing.patterns import Pattern
+from processing.prediction import Array
+
+STEPS = 16
+# Footprints of camera pixels, in parts of the pitch.
+FOOTPRINTS = 0.0, 0.5, 1.0
+# Part of h² by which light differs from the nearest place of the lattice.
+LATTICE_ERROR = 0.04
+# Places that are looked at, evenly spread.
+MOST_PLACES = 1500
+
+
+@dataclass(frozen=True, slots=True)
+class Phases:
+    """Codes at the places of a period.
+
+    Parameters
+    ----------
+    signs
+        float64, (frames, places): 2c − 1, without and with the blur of footprints.
+    """
+
+    signs: Array
+
+    @classmethod
+    def of(cls, patterns: Sequence[Pattern]) -> Phases:
+        """Of the patterns of one family and pitch."""
+        first = patterns[0]
+        period = 2 * first.pitch_px
+        size = (
+            period if first.family.varies_down else 1,
+            period if first.family.varies_right else 1,
+        )
+        codes = [pattern.code(size) for pattern in patterns]
+        places = [np.unique(np.arange(STEPS) * side // STEPS) for side in size]
+        if min(size) > 1:
+            places[1] = places[1][: (len(places[1]) + 1) // 2]  # the other half is the same
+        chosen = np.ix_(*places)
+        signs = [
+            np.stack(
+                [_blurred(2 * code - 1, part * first.pitch_px)[chosen].ravel() for code in codes]
+            )
+            for part in FOOTPRINTS
+        ]
+        return cls(np.concatenate(signs, axis=1))
+
+    def predicted(
+        self, deviations: Array, noise: Array, believed: NDArray[np.bool_], k: int
+    ) -> tuple[Array, Array]:
+        """Deviations of frame k that the believed others let expect, and their variance, (n,).
+
+        The variance is infinite at the places that were not looked at.
+
+        Parameters
+        ----------
+        deviations
+            (frames, n): light less that of the mean of white and black.
+        noise
+            (n,): variance of a frame.
+        believed
+            bool, (frames,), without k.
+        k
+            The frame.
+        """
+        n = deviations.shape[1]
+        expected, variance = np.zeros(n), np.full(n, np.inf)
+        if not believed.any() or n == 0:
+            return expected, variance
+        part = np.s_[:: -(-n // MOST_PLACES)]
+        seen = deviations[believed, part]
+        signs = self.signs[believed]
+        length = np.maximum(np.sum(signs**2, axis=0), 1e-9)
+        heights = np.maximum(seen.T @ signs / length, 0)
+        gained = heights**2 * length
+        scale = noise[part, np.newaxis] + LATTICE_ERROR * np.mean(seen**2, axis=0)[:, np.newaxis]
+        odds = np.exp((gained - gained.max(axis=1, keepdims=True)) / (2 * scale))
+        odds /= odds.sum(axis=1, keepdims=True)
+        shown = heights * self.signs[k]
+        mean = np.sum(odds * shown, axis=1)
+        spread = np.sum(odds * shown**2, axis=1) - mean**2
+        expected[part] = mean
+        variance[part] = np.maximum(spread, 0) + scale[:, 0] / max(int(believed.sum()), 1)
+        return expected, variance
+
+
+def _blurred(code: Array, width_px: float) -> Array:
+    size = [min(max(round(width_px), 1), side) for side in code.shape]
+    blurred: Array = uniform_filter(code, size, mode="wrap")
+    return blurred
