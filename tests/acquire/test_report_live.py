@@ -16,17 +16,15 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Playwright, expect
 
-from acquire.remix import SATURATED_RGB, developed, mix
+from acquire.remix import SATURATED_RGB, developed
 from acquire.report import write_report
 from acquire.report.live import packed
 from acquire.report.pictures import UNLIT_RGB
-from acquire.result import PixelClass, Result, write_record, write_tiff
+from acquire.result import PixelClass, Result
 from acquire.tone import Tone, exposure_of
 from tests.acquire.browsers import NO_GRAPHICS, Visit, opened
+from tests.acquire.live_results import SHAPE, Picture, expected, live_result
 from tests.acquire.result_folders import write_result
-
-SHAPE = (60, 83)
-Picture = NDArray[np.uint8]
 
 
 def unpacked(data: bytes, n_bytes: int) -> NDArray[np.float32]:
@@ -52,40 +50,7 @@ def test_what_was_not_measured_is_packed_as_zero() -> None:
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    """Components of both signs over five decades, deviations, and pixels of every class."""
-    folder = tmp_path_factory.mktemp("live") / "r"
-    made = write_result(folder, shape=SHAPE, pixel_class=PixelClass.SATURATED)
-    mask = made.mask.copy()
-    mask[-10:, -10:] = PixelClass.UNLIT
-    write_tiff(folder / "mask.tiff", mask)
-    (folder / "deviations").mkdir()
-    chance = np.random.default_rng(9)
-    for name in made.record.components:
-        light = 10 ** chance.uniform(-5, 0, (*SHAPE, 3)) * chance.choice([1, 1, -1], (*SHAPE, 3))
-        light[mask == PixelClass.SATURATED] = np.nan
-        write_tiff(folder / f"components/{name}.tiff", light.astype(np.float32))
-        error = np.broadcast_to(np.linspace(0, 0.02, SHAPE[1])[:, np.newaxis], (*SHAPE, 3))
-        write_tiff(folder / f"deviations/{name}.tiff", error.astype(np.float32))
-    pitches = []
-    for k, pitch in enumerate(made.record.pitches):
-        names = {
-            "corrected": f"pitches/corrected-{k}.tiff",
-            "deviation": f"pitches/deviation-{k}.tiff",
-        }
-        corrected = result_light(made, mask, 0.5 - 0.1 * k)
-        write_tiff(folder / names["corrected"], corrected)
-        write_tiff(folder / names["deviation"], (0.01 + 0.1 * corrected).astype(np.float32))
-        pitches.append(pitch.model_copy(update=names))
-    changes = {"deviations": True, "pitches": tuple(pitches)}
-    write_record(folder, made.record.model_copy(update=changes))
-    write_report(Result.open(folder))
-    return Result.open(folder)
-
-
-def result_light(result: Result, mask: Picture, share: float) -> NDArray[np.float32]:
-    """A share of the white light, 0 where nothing is lit."""
-    lit = (mask != PixelClass.UNLIT)[..., np.newaxis]
-    return np.where(lit, share * result.white, np.float32(0)).astype(np.float32)
+    return live_result(tmp_path_factory.mktemp("live") / "r")
 
 
 @pytest.fixture(scope="module")
@@ -125,13 +90,6 @@ def downloaded(visit: Visit) -> Picture:
     with visit.page.expect_download() as waiting:
         visit.page.click("#download")
     return np.asarray(Image.open(waiting.value.path()).convert("RGB"))
-
-
-def expected(
-    result: Result, gains: tuple[float, ...], stops: float = 0, tone: Tone = Tone.SRGB
-) -> NDArray[np.int64]:
-    light = mix([result.component(name) for name in result.record.components], gains)
-    return developed(light, exposure_of(result.white) * 2**stops, tone).astype(int)
 
 
 @pytest.mark.browser
