@@ -12,11 +12,16 @@ from acquire.rig import Bench
 from acquire.rig.bench import Resumption, closed_with
 from drivers.errors import ProjectorError
 from drivers.protocols import Camera, CameraSettings, Clock, Devices, Projector, Raster, RawFrame
+from drivers.sim.clock import EPOCH_S
 
 
 @dataclass
 class Faults:
-    """What befalls the devices, by the number of the exposure in the session, from 0."""
+    """What befalls the devices, by the number of the exposure in the session, from 0.
+
+    The times are in all, when so many exposures were made: by how much the wall clock was set, and
+    how long the computer was suspended.
+    """
 
     dark: Callable[[int], bool] = lambda _: False
     frozen: Callable[[int], bool] = lambda _: False
@@ -28,12 +33,33 @@ class Faults:
 
 
 @dataclass
+class FaultyClock:
+    """A clock that is set and a computer that is suspended, as exposures go on."""
+
+    clock: Clock
+    faults: Faults
+    number: int
+
+    def now(self) -> float:
+        return self.monotonic() + EPOCH_S + self.faults.clock_off_s(self.number)
+
+    def monotonic(self) -> float:
+        return self.clock.monotonic() + self.faults.slept_s(self.number)
+
+    def awake(self) -> float:
+        return self.clock.monotonic()
+
+    def sleep(self, duration_s: float) -> None:
+        self.clock.sleep(duration_s)
+
+
+@dataclass
 class FaultyBench:
     """Projector, camera and clock with faults; hands everything else on."""
 
     projector_: Projector
     camera_: Camera
-    clock: Clock
+    clock: FaultyClock
     faults: Faults
     number: int
     last: RawFrame | None = None
@@ -54,20 +80,16 @@ class FaultyBench:
         error = self.faults.failing(self.number)
         if error is not None:
             raise error
+        started_s = self.clock.now()
         frame = self.camera_.capture(settings)
         error = self.faults.lost(self.number)
         if error is not None:
             raise error
         if self.last is not None and self.faults.frozen(self.number):
             frame = replace(frame, data=self.last.data)
-        slept_s = self.faults.slept_s(self.number)
-        off_s = self.faults.clock_off_s(self.number) + slept_s
-        monotonic_s = self.clock.monotonic() + slept_s
-        started_s, finished_s = frame.started_s + off_s, frame.finished_s + off_s
-        frame = replace(frame, started_s=started_s, finished_s=finished_s, monotonic_s=monotonic_s)
-        self.last = frame
-        self.number += 1
-        return frame
+        self.number = self.clock.number = self.number + 1
+        self.last = replace(frame, started_s=started_s, finished_s=self.clock.now())
+        return self.last
 
     def close(self) -> None:
         self.projector_.close()
@@ -79,9 +101,9 @@ def with_faults(bench: Bench, faults: Faults) -> Bench:
 
     def connect(resumption: Resumption, closing: ExitStack) -> Devices:
         devices = bench._connect(resumption, closing)
-        both = FaultyBench(
-            devices.projector, devices.camera, devices.clock, faults, len(resumption.taken)
-        )
-        return closed_with(Devices(both, both, devices.clock), closing)
+        number = len(resumption.taken)
+        clock = FaultyClock(devices.clock, faults, number)
+        both = FaultyBench(devices.projector, devices.camera, clock, faults, number)
+        return closed_with(Devices(both, both, clock), closing)
 
     return replace(bench, _connect=connect)
