@@ -71,6 +71,7 @@ torn = 0.01
 timeouts = 0.01
 """
 DISK_BYTES = 256 << 20
+PROCESSING_LIMIT_S = 1800
 UNSTEADY = {"session.json", "log.jsonl", ".lock"}
 
 
@@ -160,7 +161,7 @@ def _missing(scene: Scene) -> int:
 
 def compare(scene: Scene, undisturbed: Path, tally: Tally) -> None:
     """Verify, pack, unpack, process; every bit against the undisturbed capture."""
-    disk, run = scene.disk, scene.nursery.run
+    disk = scene.disk
     steps = [
         ("verify", str(disk / "s")),
         ("pack", str(disk / "s"), "--out", str(disk / "s.zip")),
@@ -170,7 +171,10 @@ def compare(scene: Scene, undisturbed: Path, tally: Tally) -> None:
         ("process", str(undisturbed), "--out", str(disk / "expected")),
     ]
     for words in steps:
-        child = run(*words)
+        # Afresh: threads that compute do not survive a fork.
+        child = scene.nursery.run(
+            "-m", "acquire", *words, program=sys.executable, patience_s=PROCESSING_LIMIT_S
+        )
         if child.returncode != 0:
             tally.failures.append(f"{' '.join(words)}: {child.output}")
             return

@@ -117,10 +117,10 @@ class Nursery:
             pid = self._born[self._count - 1]
         return Child(pid, output, lambda: self._results.get(pid))
 
-    def run(self, *words: str, program: str = "lumisplit") -> Child:
+    def run(self, *words: str, program: str = "lumisplit", patience_s: float = PATIENCE_S) -> Child:
         """The same, to its end."""
         child = self.start(*words, program=program)
-        child.finish(PATIENCE_S)
+        child.finish(patience_s)
         return child
 
     def seen(self, path: Path) -> Path:
