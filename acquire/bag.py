@@ -14,10 +14,12 @@ written, links are refused, and nothing is written outside the folder that was a
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 import stat
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,7 +28,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from acquire.errors import SessionError
-from acquire.session.folder import storage
+from acquire.session.folder import storage, sync_folder
 from acquire.session.records import MAX_FRAME_BYTES
 from acquire.session.store import LOCK
 from acquire.storage import check_room
@@ -36,6 +38,12 @@ MANIFEST, TAG_MANIFEST = "manifest-sha256.txt", "tagmanifest-sha256.txt"
 MAX_FILES = 500_000
 MAX_MANIFEST_BYTES = 128 << 20
 CHUNK_BYTES = 1 << 20
+MOST_PARTS = 8
+MOST_ROOT_CHARACTERS = 64
+_UNSOUND = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError,
+    zlib.error,
+)  # fmt: skip
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 _LINE = re.compile(r"^([0-9a-f]{64}) [ *](\S.*)$")
 _PART = re.compile(r"^[A-Za-z0-9_][A-Za-z0-9_.\-]{0,127}$")
@@ -77,12 +85,13 @@ def pack(folders: dict[str, Path], out: Path, file_done: Callable[[], None]) -> 
     """
     if out.exists() or out.is_symlink():
         raise SessionError(f"{out} exists; nothing was written. Give another --out.")
-    root = re.sub(r"[^A-Za-z0-9_-]", "-", out.stem) or "bag"
+    root = _root(out.stem)
     payload = {
         f"data/{name}/{path.relative_to(folder).as_posix()}": path
         for name, folder in folders.items()
         for path in _files(folder)
     }
+    _check_names([f"{root}/{name}" for name in payload], folders)
     size = sum(path.stat().st_size for path in payload.values())
     check_room(out.absolute().parent, size + (1 << 20))
     part = out.with_name(f".{out.name}.part")
@@ -91,10 +100,38 @@ def pack(folders: dict[str, Path], out: Path, file_done: Callable[[], None]) -> 
         try:
             with zipfile.ZipFile(part, "x", zipfile.ZIP_STORED, allowZip64=True) as archive:
                 _write(archive, root, payload, size, file_done)
+            with part.open("rb") as file:
+                os.fsync(file.fileno())
             part.replace(out)
+            sync_folder(out.absolute().parent)
         except BaseException:
             part.unlink(missing_ok=True)
             raise
+
+
+def _root(stem: str) -> str:
+    """The name of the one folder at the top, after the file's, as every system can have it."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-")
+    return name[:MOST_ROOT_CHARACTERS] or "bag"
+
+
+def _check_names(names: list[str], folders: dict[str, Path]) -> None:
+    """Refuse to pack what nobody could unpack."""
+    bad = next((name for name in names if not _is_name(name)), None)
+    if bad is not None:
+        inside = PurePosixPath(*PurePosixPath(bad).parts[3:])
+        raise SessionError(
+            f"{folders[PurePosixPath(bad).parts[2]] / inside} has a name that not every system can "
+            "have (letters, digits, `_`, `-` and `.` without spaces, at most 128). Rename it or "
+            "take it out of the folder; nothing was packed."
+        )
+
+
+def _is_name(name: str) -> bool:
+    parts = name.split("/")
+    return 2 <= len(parts) <= MOST_PARTS and all(
+        _PART.match(part) and not part.endswith(".") for part in parts
+    )
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -159,7 +196,7 @@ def opened(path: Path) -> Iterator[Bag]:
     try:
         with zipfile.ZipFile(path) as archive:
             yield _checked(archive, path)
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError) as error:
+    except _UNSOUND as error:
         raise SessionError(f"{path} is not a sound ZIP archive: {error}.") from error
     except OSError as error:
         raise SessionError(f"Cannot read {path}: {error.strerror or error}.") from error
@@ -200,7 +237,7 @@ def _digest(bag: Bag, name: str, target: IO[bytes] | None = None) -> str:
     try:
         with bag.archive.open(entry) as source:
             return _copy(source, target, entry.file_size)
-    except (zipfile.BadZipFile, EOFError) as error:
+    except _UNSOUND as error:
         raise SessionError(f"{name} is damaged: {error}.") from error
 
 
@@ -210,12 +247,16 @@ def _checked(archive: zipfile.ZipFile, path: Path) -> Bag:
         raise SessionError(f"{path} holds {len(infos)} files; it is no packed session.")
     for info in infos:
         _check_entry(info, path)
+    # Of two entries that share their bytes, one is there to swell.
+    if sum(info.compress_size for info in infos) > path.stat().st_size:
+        raise SessionError(f"Refused {path}: its files claim more bytes than it has.")
     roots = {info.filename.split("/", 1)[0] for info in infos}
     if len(roots) != 1:
         raise SessionError(f"{path} is no bag: it has {len(roots)} folders at its top, not one.")
     root = roots.pop()
     entries = {info.filename.partition("/")[2]: info for info in infos}
-    if len(entries) != len(infos):
+    # Not every system tells capitals from small letters.
+    if len({name.casefold() for name in entries}) != len(infos):
         raise SessionError(f"Refused {path}: a name stands in it twice.")
     tags = _tags(archive, entries, path)
     for name, digest in tags.items():
@@ -230,12 +271,16 @@ def _checked(archive: zipfile.ZipFile, path: Path) -> Bag:
 
 
 def _check_entry(info: zipfile.ZipInfo, path: Path) -> None:
-    parts = info.filename.split("/")
     mode = info.external_attr >> 16
-    if not all(_PART.match(part) for part in parts) or not 2 <= len(parts) <= 8:
+    if not _is_name(info.filename):
         raise SessionError(f"Refused {path}: {info.filename[:80]!r} is no name of a bag's file.")
     if mode and not stat.S_ISREG(mode) and stat.S_IFMT(mode):
         raise SessionError(f"Refused {path}: {info.filename} is a link or a device.")
+    if info.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        raise SessionError(
+            f"Refused {path}: {info.filename} is neither stored nor deflated, as the files of a "
+            "bag are."
+        )
     if info.file_size > MAX_FRAME_BYTES:
         raise SessionError(f"Refused {path}: {info.filename} claims {info.file_size} bytes.")
 

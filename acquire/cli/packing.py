@@ -30,6 +30,8 @@ def pack_command(
 ) -> None:
     """Put a session, and a result, into one file (BagIt in a ZIP) that others can verify."""
     session = Session.open(folder)
+    if session.is_being_written:
+        raise SessionError(f"{folder} is being captured: wait for its end. Nothing was packed.")
     folders = {"session": folder}
     if result is not None:
         made = Result.open(result)

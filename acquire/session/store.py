@@ -118,6 +118,21 @@ class Session:
         finally:
             lock.release()
 
+    @property
+    def is_being_written(self) -> bool:
+        """Whether another process captures into it now, as far as the system tells."""
+        if not (self.folder / LOCK).exists():
+            return False
+        lock = FileLock(self.folder / LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            return True
+        except (OSError, NotImplementedError):
+            return False
+        lock.release()
+        return False
+
     def forget(self, count: int) -> None:
         """Drop the last lines and their files; the frames that they replaced count again."""
         kept, dropped = self.lines[:-count], self.lines[-count:]

@@ -9,7 +9,17 @@ from itertools import pairwise
 from acquire.errors import SessionError
 from acquire.session.log import LOG, Kind, read_notes
 from acquire.session.recovery import remains, torn_bytes
-from acquire.session.store import FRAMES, LINES, LOCK, PLAN, PROFILES, PROOF, RECORD, Session
+from acquire.session.store import (
+    FRAMES,
+    INTERRUPTED,
+    LINES,
+    LOCK,
+    PLAN,
+    PROFILES,
+    PROOF,
+    RECORD,
+    Session,
+)
 
 KNOWN = {PLAN, RECORD, LINES, PROOF, LOG, FRAMES, PROFILES, "truth.npz", LOCK}
 CLOCK_JUMP_S = 2.0
@@ -65,7 +75,7 @@ def _runs(session: Session) -> Iterator[str]:
             continue
         reason = run.reason
         if run.outcome == "running":
-            reason = "It is still going on, or the power failed or the program was killed."
+            reason = "It is still going on." if session.is_being_written else INTERRUPTED
         where = f"run {number} of {len(runs)}, from step {run.first_step}"
         yield f"{where}: {run.outcome}{': ' if reason else '.'}{reason}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import stat
 import subprocess
 import zipfile
@@ -138,6 +139,11 @@ def flip(entries: Entries) -> None:
         pytest.param(add("/data/evil"), "no name", id="absolute"),
         pytest.param(add("one/data/..\\evil"), "no name", id="backslash"),
         pytest.param(add("two/data/evil"), "top", id="two roots"),
+        pytest.param(add("one/data/session/PLAN.json"), "twice", id="other capitals"),
+        pytest.param(add("one/data/session/plan.json."), "no name", id="dot at the end"),
+        pytest.param(add("one/data/session/a b"), "no name", id="space"),
+        pytest.param(add("one/data/1/2/3/4/5/6/7/8"), "no name", id="deep"),
+        pytest.param(add("one/data/session/\u00e9"), "no name", id="not ASCII"),
     ],
 )
 def test_what_is_not_sound_is_refused_and_nothing_is_written(
@@ -175,3 +181,98 @@ def test_nothing_is_replaced(made: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(SessionError, match="exists"):
         unpacked(made / "one.zip", tmp_path / "out")
+
+
+def patched(made: Path, tmp_path: Path, change: Callable[[zipfile.ZipFile], object]) -> Path:
+    """The bag with its directory, which stands at its end, written anew after a change."""
+    path = rewritten(made / "one.zip", tmp_path / "bad.zip", lambda _: None)
+    with zipfile.ZipFile(path, "a") as archive:
+        change(archive)
+        archive._didModify = True  # type: ignore[attr-defined] # writes the directory
+    return path
+
+
+def huge(archive: zipfile.ZipFile) -> None:
+    archive.getinfo("one/data/session/plan.json").file_size = 1 << 40
+
+
+def shared(archive: zipfile.ZipFile) -> None:
+    first, *others = archive.infolist()[:200]
+    for other in others:
+        other.compress_size = first.compress_size + (1 << 20)
+
+
+def other_method(archive: zipfile.ZipFile) -> None:
+    archive.getinfo("one/data/session/plan.json").compress_type = zipfile.ZIP_BZIP2
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        pytest.param(huge, "claims 1099511627776 bytes", id="huge"),
+        pytest.param(shared, "more bytes than it has", id="entries over each other"),
+        pytest.param(other_method, "neither stored nor deflated", id="other compression"),
+    ],
+)
+def test_a_directory_that_lies_is_refused(
+    made: Path, tmp_path: Path, change: Callable[[zipfile.ZipFile], object], reason: str
+) -> None:
+    with pytest.raises(SessionError, match=reason):
+        unpacked(patched(made, tmp_path, change), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_one_that_was_compressed_anew_is_as_good_and_damage_in_it_is_found(
+    made: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "small.zip"
+    with zipfile.ZipFile(made / "one.zip") as one, zipfile.ZipFile(path, "w") as small:
+        for name in one.namelist():
+            small.writestr(name, one.read(name), zipfile.ZIP_DEFLATED)
+        place = small.getinfo("one/data/session/frames/000003.dng").header_offset
+    assert digests(unpacked(path, tmp_path / "out") / "session") == digests(made / "session")
+    content = bytearray(path.read_bytes())
+    content[place + 100 : place + 200] = bytes(100)
+    path.write_bytes(content)
+    with pytest.raises(SessionError, match="000003"):
+        unpacked(path, tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 0.999])
+def test_half_a_file_is_one_message(made: Path, tmp_path: Path, part: float) -> None:
+    content = (made / "one.zip").read_bytes()
+    (tmp_path / "half.zip").write_bytes(content[: int(part * len(content))])
+    with pytest.raises(SessionError, match=r"half\.zip is not a sound ZIP"):
+        unpacked(tmp_path / "half.zip", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "-x.zip",
+        "\u00dcbung 3 \u2013 Kopie.zip",
+        ".zip",
+        "..x.zip",
+        "a" * 200 + ".zip",
+        "\u5149.zip",
+    ],
+)
+def test_whatever_the_file_is_called_it_can_be_unpacked(
+    made: Path, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "mit Leerzeichen \u00fc"
+    folder.mkdir()
+    bag.pack({"session": made / "session"}, folder / name, nothing)
+    out = unpacked(folder / name, folder / "zur\u00fcck 1")
+    assert digests(out / "session") == digests(made / "session")
+
+
+def test_what_nobody_could_unpack_is_not_packed(made: Path, tmp_path: Path) -> None:
+    shutil.copytree(made / "session", tmp_path / "s")
+    (tmp_path / "s" / "profiles").mkdir()
+    (tmp_path / "s" / "profiles" / "mein Profil.json").write_text("{}")
+    with pytest.raises(SessionError, match=r"mein Profil\.json has a name"):
+        bag.pack({"session": tmp_path / "s"}, tmp_path / "x.zip", nothing)
+    assert not (tmp_path / "x.zip").exists()
