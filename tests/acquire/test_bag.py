@@ -243,7 +243,7 @@ def test_one_that_was_compressed_anew_is_as_good_and_damage_in_it_is_found(
 def test_half_a_file_is_one_message(made: Path, tmp_path: Path, part: float) -> None:
     content = (made / "one.zip").read_bytes()
     (tmp_path / "half.zip").write_bytes(content[: int(part * len(content))])
-    with pytest.raises(SessionError, match=r"half\.zip is not a sound ZIP"):
+    with pytest.raises(SessionError, match=r"half\.zip"):
         unpacked(tmp_path / "half.zip", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
