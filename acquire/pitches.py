@@ -28,6 +28,8 @@ from processing.soundness import additivity_error, direct_peak, resolved_pitches
 
 UNLIT_FRACTION = 0.01
 BRIGHT_PERCENTILE = 99.5
+# About so many pixels, evenly spread, tell how sound a pitch is.
+JUDGED_PIXELS = 1 << 18
 Image = NDArray[np.float32]
 
 
@@ -170,10 +172,10 @@ def separate_pitches(
             share = 2 / (1 + leak) * found.mean / np.float32(len(stack.groups))
             whole = share if whole is None else whole + share
         else:
-            pitches[-1] = _judged(pitches[-1], group, found, lit, _mask(stack, lit))
+            pitches[-1] = _judged(pitches[-1], group, found, lit, stack.saturated)
     if whole is None:
         raise StackError("There is no pitch to separate.")
-    mask = _mask(stack, whole)
+    mask = _mask(whole, stack.saturated)
     return SeparatedPitches(_resolved(pitches), whole, mask, references, tuple(samples))
 
 
@@ -307,13 +309,16 @@ def _judged(
     group: PitchGroup,
     found: GatheredPitch,
     lit: Image,
-    mask: NDArray[np.uint8],
+    saturated: NDArray[np.bool_] | None,
 ) -> PitchRecord:
-    usable = mask == PixelClass.MEASURED
+    every = slice(None, None, max(1, int(np.sqrt(lit.shape[0] * lit.shape[1] / JUDGED_PIXELS))))
+    at = every, every
+    white, direct = lit[at], found.separation.direct_light[at]
+    usable = _mask(white, None if saturated is None else saturated[at]) == PixelClass.MEASURED
     if not usable.any():
         return pitch
-    additivity = additivity_error(found.mean, lit, usable) if _balanced(group) else None
-    peak = direct_peak(found.separation.direct_light, lit, usable)
+    additivity = additivity_error(found.mean[at], white, usable) if _balanced(group) else None
+    peak = direct_peak(direct, white, usable)
     return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
 
 
@@ -327,13 +332,13 @@ def _resolved(pitches: list[PitchRecord]) -> tuple[PitchRecord, ...]:
     )
 
 
-def _mask(stack: Stack, whole: Image) -> NDArray[np.uint8]:
+def _mask(whole: Image, saturated: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
     """Unlit: in no colour as bright as 1 % of the scene's bright parts."""
     mask = np.full(whole.shape[:2], PixelClass.MEASURED, np.uint8)
     brightness = whole.max(axis=-1)
-    usable = brightness if stack.saturated is None else brightness[~stack.saturated]
+    usable = brightness if saturated is None else brightness[~saturated]
     bright = float(np.percentile(usable, BRIGHT_PERCENTILE)) if usable.size else 0.0
     mask[brightness <= max(UNLIT_FRACTION * bright, 0.0)] = PixelClass.UNLIT
-    if stack.saturated is not None:
-        mask[stack.saturated] = PixelClass.SATURATED
+    if saturated is not None:
+        mask[saturated] = PixelClass.SATURATED
     return mask

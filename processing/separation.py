@@ -76,14 +76,17 @@ class ExtremaSeparation:
     """
 
     def __init__(self, shape: tuple[int, int, int]) -> None:
-        self._largest = np.full(shape, -np.inf, np.float32)
-        self._smallest = np.full(shape, np.inf, np.float32)
+        self._largest = np.empty(shape, np.float32)
+        self._smallest = np.empty(shape, np.float32)
         self._n_frames = 0
 
     def add(self, frame: Image) -> None:
         """Take in one frame, float32, (height, width, 3), black subtracted."""
         _check_image("frame", frame, self._largest.shape)
-        _widen(_flat(frame), self._largest.reshape(-1), self._smallest.reshape(-1))
+        if self._n_frames:
+            _widen(_flat(frame), self._largest.reshape(-1), self._smallest.reshape(-1))
+        else:
+            self._largest[:] = self._smallest[:] = frame
         self._n_frames += 1
 
     def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
