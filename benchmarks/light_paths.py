@@ -25,6 +25,9 @@ _EPSILON = 1e-5
 _LONGEST = 600
 _BOUNCES = 8
 
+# Upper ends of the bins of range, in projector pixels; the last bin has none.
+RANGE_EDGES_PX = tuple(2.0 ** (k / 2) for k in range(19))
+
 # Columns of the table of solids.
 _CENTRE, _INVERSE, _COLOURS, _TEXTURE, _SCALE, _GLOSS, _EXPONENT = 1, 4, 13, 19, 20, 21, 22
 _EXTINCTION, _MEDIUM, _COAT, _MATCHED = 23, 24, 27, 28
@@ -217,13 +220,36 @@ def _deposit(contrast, down, right, red, green, blue):  # type: ignore[no-untype
 
 @njit(parallel=True)
 def trace(  # type: ignore[no-untyped-def]
-    solids, camera, projector, down, right, side, seed, contrast, truth
+    solids, camera, projector, down, right, side, seed, contrast, truth, ranges, places
 ):
+    """Trace every pixel; see `benchmarks.rendering.render` and `render_parts`.
+
+    Parameters
+    ----------
+    solids, camera, projector
+        `benchmarks.solids.solid_table`, `View.axes`.
+    down, right
+        float32, (rows, m) and (columns, m): products of these are summed.
+    side, seed
+        Root of the number of paths a pixel; of their chance.
+    contrast
+        float32, (pixels, kinds, 3, m), receives the sums, for each kind of light (1: all
+        together; 3: direct, below the surface, the rest).
+    truth
+        (3, pixels, 3), receives the light.
+    ranges
+        (pixels, 2, 3, bins), receives light that is not direct by kind, colour and range;
+        see `RANGE_EDGES_PX`; no bins: not wanted.
+    places
+        (pixels, 6), receives rows, columns and weight of where direct light arrives, summed, and
+        of what the pixel sees, shadows left aside.
+    """
     height, width = int(camera[4, 1]), int(camera[4, 2])
     for pixel in prange(height * width):
         np.random.seed(seed * 1_000_003 + pixel)
-        sums = np.zeros((3, down.shape[1]), np.float32)
+        sums = np.zeros((contrast.shape[1], 3, down.shape[1]), np.float32)
         parts = np.zeros((3, 3))
+        own = np.zeros(6)
         row, column = pixel // width, pixel % width
         for k in range(side * side):
             scale = 2 * camera[4, 0] / width
@@ -236,13 +262,38 @@ def trace(  # type: ignore[no-untyped-def]
                 norm * (camera[3, 2] + x * camera[1, 2] + y * camera[2, 2]),
             )
             o = (camera[0, 0], camera[0, 1], camera[0, 2])
-            _follow(solids, projector, down, right, o, d, 1 / (side * side), sums, parts)
+            _follow(
+                solids, projector, down, right, o, d, 1 / (side * side), sums, parts,
+                ranges[pixel], own,
+            )  # fmt: skip
         contrast[pixel] = sums
         truth[:, pixel] = parts
+        places[pixel] = own
 
 
 @njit
-def _light_inside(solids, projector, down, right, p, inside, carried, sums, part):  # type: ignore[no-untyped-def]
+def _note_range(ranges, place, row, column, given):  # type: ignore[no-untyped-def]
+    """Add light to the bin of the distance on the projector from the path's own place."""
+    if ranges.shape[1]:
+        away = np.sqrt((row - place[0]) ** 2 + (column - place[1]) ** 2)
+        k = 0
+        while k < ranges.shape[1] - 1 and away >= RANGE_EDGES_PX[k]:
+            k += 1
+        for c in range(3):
+            ranges[c, k] += given[c]
+
+
+@njit
+def _note_place(own, row, column, weight):  # type: ignore[no-untyped-def]
+    own[0] += weight * row
+    own[1] += weight * column
+    own[2] += weight
+
+
+@njit
+def _light_inside(  # type: ignore[no-untyped-def]
+    solids, projector, down, right, p, inside, carried, sums, part, ranges, place
+):
     """Connect a place in a medium to the projector, straight through its boundary."""
     s = solids[inside]
     row, column, fall, _, way = _lit(solids, p, projector, inside)
@@ -250,6 +301,7 @@ def _light_inside(solids, projector, down, right, p, inside, carried, sums, part
         passed = (1 - s[_COAT]) * np.exp(-s[_EXTINCTION] * way)
         given = carried * (passed * fall / (4 * np.pi))
         part += given
+        _note_range(ranges, place, row, column, given)
         _deposit(sums, down[row], right[column], given[0], given[1], given[2])
 
 
@@ -257,13 +309,17 @@ def _light_inside(solids, projector, down, right, p, inside, carried, sums, part
 def _light_surface(  # type: ignore[no-untyped-def]
     solids, projector, down, right, p, n, mirror, which, rough_exit, carried, sums, part
 ):
-    """Connect a place on a surface to the projector: by coat and gloss, or by its pores."""
+    """Connect a place on a surface to the projector: by coat and gloss, or by its pores.
+
+    Row and column of the projector pixel that lights it (−1: none), and what it gave.
+    """
     s = solids[which]
+    given = np.zeros(3)
     row, column, fall, w, _ = _lit(solids, p, projector, -1)
     incident = _dot(w, n)
     if row < 0 or incident <= 0:
-        return
-    lobe, given = 0.0, np.zeros(3)
+        return row, column, given
+    lobe = 0.0
     if not rough_exit and s[_GLOSS] > 0:
         near = max(_dot(mirror, w), 0.0)
         lobe = s[_GLOSS] * (s[_EXPONENT] + 2) / (2 * np.pi) * near ** s[_EXPONENT]
@@ -274,13 +330,20 @@ def _light_surface(  # type: ignore[no-untyped-def]
         given[c] = carried[c] * (matt + lobe) * incident * fall
     part += given
     _deposit(sums, down[row], right[column], given[0], given[1], given[2])
+    return row, column, given
 
 
 @njit
 def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one loop, one path)
-    solids, projector, down, right, o, d, share, sums, parts
+    solids, projector, down, right, o, d, share, sums, parts, ranges, own
 ):
-    """One path; what it gathers goes to `sums` (colour, pattern) and `parts` (kind, colour)."""
+    """Follow one path.
+
+    What it gathers goes to `sums` (kind, colour, pattern), `parts` (kind, colour), `ranges` (kind,
+    colour, bin) and `own` (direct light's rows, columns and weight; the same of the places seen).
+    """
+    last = len(sums) - 1
+    place = (np.inf, np.inf)
     carried = np.full(3, share)
     kind, inside, bounces = 0, -1, 0
     for _ in range(_LONGEST):
@@ -297,8 +360,9 @@ def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one
                     carried[c] *= s[_MEDIUM + c]
                 if s[_MATCHED] > 0:
                     _light_inside(
-                        solids, projector, down, right, p, inside, carried, sums, parts[kind]
-                    )
+                        solids, projector, down, right, p, inside, carried,
+                        sums[min(kind, last)], parts[kind], ranges[kind - 1], place,
+                    )  # fmt: skip
                 z = 2 * np.random.random() - 1
                 phi = 2 * np.pi * np.random.random()
                 r = np.sqrt(max(1 - z * z, 0.0))
@@ -323,10 +387,19 @@ def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one
         if not rough_exit and cosine > 0:
             return
         mirror = (d[0] - 2 * cosine * n[0], d[1] - 2 * cosine * n[1], d[2] - 2 * cosine * n[2])
-        _light_surface(
-            solids, projector, down, right, p, n, mirror, which, rough_exit, carried, sums,
-            parts[kind],
+        if bounces == 0 and inside < 0 and not rough_exit:
+            row, column, _ = _projected(p, projector)
+            if row >= 0:
+                place = (float(row), float(column))
+                _note_place(own[3:], row, column, share)
+        row, column, given = _light_surface(
+            solids, projector, down, right, p, n, mirror, which, rough_exit, carried,
+            sums[min(kind, last)], parts[kind],
         )  # fmt: skip
+        if row >= 0 and kind > 0:
+            _note_range(ranges[kind - 1], place, row, column, given)
+        elif row >= 0:
+            _note_place(own[:3], row, column, given.sum())
         bounces += 1
         if bounces > _BOUNCES or not _survives(carried, share):
             return

@@ -15,7 +15,8 @@ from scipy import ndimage
 from acquire.plan_file import example_text, parse_plan
 from benchmarks.decomposition import Captured
 from benchmarks.rendered_scenes import scenery
-from benchmarks.rendering import Rendered, render
+from benchmarks.rendering import Rendered, RenderedParts, render, render_parts
+from benchmarks.solids import Scenery
 from processing.gathering import HarmonicsStack
 from processing.patterns import Pattern
 from processing.separation import ExtremaSeparation
@@ -60,9 +61,31 @@ def captures(name: str, baseline: str, cache: Path, conditions: list[str]) -> di
 def rendered_scene(name: str, baseline: str, projected_px: float = 0.0) -> Rendered:
     """Scene for the paper's plan, the projector's blur in camera pixels."""
     scene = scenery(name, baseline)
+    return render(scene, papers_patterns(), PATHS, projected_px * projector_px_per_camera_px(scene))
+
+
+def rendered_parts(name: str, baseline: str, cache: Path, projected_px: float) -> RenderedParts:
+    """Kinds of light apart, in the unit of the captures; rendered where the cache lacks it."""
+    kept = cache / f"{name}-{baseline}-parts-{projected_px:g}.pickle"
+    if not kept.exists():
+        scene = scenery(name, baseline)
+        stack = HarmonicsStack(papers_patterns(), (1, 1, 1), scene.projector.pixels)
+        found = render_parts(
+            scene, stack.designs, PATHS, projected_px * projector_px_per_camera_px(scene)
+        )
+        cache.mkdir(parents=True, exist_ok=True)
+        kept.write_bytes(pickle.dumps(found.scaled(_gain(found.truth.sum(axis=0)))))
+    return pickle.loads(kept.read_bytes())  # type: ignore[no-any-return] # noqa: S301 (its own cache)
+
+
+def projector_px_per_camera_px(scene: Scenery) -> float:
+    """Projector pixels a camera pixel, as far away."""
     camera, projector = scene.camera, scene.projector
-    ratio = projector.pixels[1] / projector.half_width * camera.half_width / camera.pixels[1]
-    return render(scene, papers_patterns(), PATHS, projected_px * ratio)
+    return projector.pixels[1] / projector.half_width * camera.half_width / camera.pixels[1]
+
+
+def _gain(white: Image) -> float:
+    return _EXPOSURE / float(np.percentile(white.max(axis=-1), 99.5))
 
 
 def captured(rendered: Rendered, condition: str, seed: int = 0) -> Captured:
@@ -71,7 +94,7 @@ def captured(rendered: Rendered, condition: str, seed: int = 0) -> Captured:
     rng = np.random.default_rng([seed, 7]) if noisy else None
     truth = {name: _defocused(part, lens_px) for name, part in rendered.truth.items()}
     white = np.sum(list(truth.values()), axis=0)
-    gain = _EXPOSURE / float(np.percentile(white.max(axis=-1), 99.5))
+    gain = _gain(white)
     shape = white.shape
     black = _exposed(np.zeros(shape, np.float32), rng)
     seen_white = _exposed(white * gain, rng)

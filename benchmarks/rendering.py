@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from benchmarks.light_paths import trace
+from benchmarks.light_paths import RANGE_EDGES_PX, trace
 from benchmarks.solids import Scenery, solid_table
+from processing.harmonics import PitchDesign
 from processing.patterns import Pattern
 
 Image = NDArray[np.float32]
+
+KINDS = ("direct", "subsurface", "interreflection")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,18 +67,112 @@ def render(
     """
     height, width = scenery.camera.pixels
     down, right = wave_tables(patterns, scenery.projector.pixels, blur_px)
-    contrast = np.zeros((height * width, 3, len(patterns)), np.float32)
+    contrast = np.zeros((height * width, 1, 3, len(patterns)), np.float32)
     truth = np.zeros((3, height * width, 3))
     trace(
         solid_table(scenery.solids), scenery.camera.axes(), scenery.projector.axes(), down,
         right, round(np.sqrt(paths)), scenery.seed, contrast, truth,
+        np.zeros((height * width, 2, 3, 0)), np.zeros((height * width, 6)),
     )  # fmt: skip
-    names = ("direct", "subsurface", "interreflection")
     parts = {
         name: part.reshape(height, width, 3).astype(np.float32)
-        for name, part in zip(names, truth, strict=True)
+        for name, part in zip(KINDS, truth, strict=True)
     }
     return Rendered(tuple(patterns), contrast.reshape(height, width, 3, -1), parts)
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedParts:
+    """What every kind of light adds to the harmonics of each pitch, which no camera could tell.
+
+    Parameters
+    ----------
+    harmonics
+        complex64, (3, pitches, 2, height, width, 3): Z⁺ and Z⁻ of each kind (`KINDS`), constant
+        light subtracted, see `processing.harmonics`.
+    truth
+        float32, (3, height, width, 3).
+    ranges
+        float32, (2, height, width, 3, bins): light below the surface and the rest by the distance
+        on the projector between where it arrives and what its pixel sees
+        (`benchmarks.light_paths.RANGE_EDGES_PX`).
+    lit_px, seen_px
+        float64, (2, height, width): mean y and x of where direct light arrives, and of what the
+        pixel sees, shadows or not, in the unit of `processing.correspondence`; NaN for nowhere.
+    """
+
+    harmonics: NDArray[np.complex64]
+    truth: Image
+    ranges: Image
+    lit_px: NDArray[np.float64]
+    seen_px: NDArray[np.float64]
+
+    def unit_response(self, kind: int, mask: NDArray[np.bool_]) -> NDArray[np.complex128]:
+        """What unit light of a kind adds in each pixel, (pitches, 2, n, colours); 0 without any."""
+        light = self.truth[kind][mask].astype(np.float64)
+        added = self.harmonics[kind][:, :, mask].astype(np.complex128)
+        response: NDArray[np.complex128] = added / np.where(light > 0, light, np.inf)
+        return response
+
+    def scaled(self, gain: float) -> RenderedParts:
+        """All light times a gain."""
+        factor = np.float32(gain)
+        return RenderedParts(
+            self.harmonics * factor, self.truth * factor, self.ranges * factor, self.lit_px,
+            self.seen_px,
+        )  # fmt: skip
+
+
+def render_parts(
+    scenery: Scenery, designs: Sequence[PitchDesign], paths: int, blur_px: float = 0.0
+) -> RenderedParts:
+    """Trace the very paths of `render`, kinds of light apart.
+
+    What the frames of a pitch, a grid of shifts, add up to is separable, (y's part)·(x's part):
+    the light is weighted with that instead of with every frame's code.
+    """
+    height, width = scenery.camera.pixels
+    down, right = [], []
+    for design in designs:
+        waves = wave_tables(design.patterns, scenery.projector.pixels, blur_px)
+        shifts_px = np.array([(one.shift_y_px, one.shift_x_px) for one in design.patterns]).T
+        # Each shift along one axis comes with every shift along the other.
+        turned = [
+            wave @ np.exp(1j * np.pi * one / design.pitch_px) * (len(set(one)) / len(one))
+            for wave, one in zip(waves, shifts_px, strict=True)
+        ]
+        for y in (turned[0].real, turned[0].imag):
+            for x in (turned[1].real, turned[1].imag):
+                down.append(y)
+                right.append(x)
+    contrast = np.zeros((height * width, 3, 3, len(down)), np.float32)
+    truth = np.zeros((3, height * width, 3))
+    ranges = np.zeros((height * width, 2, 3, len(RANGE_EDGES_PX) + 1))
+    places = np.zeros((height * width, 6))
+    trace(
+        solid_table(scenery.solids), scenery.camera.axes(), scenery.projector.axes(),
+        *(np.ascontiguousarray(np.stack(one, axis=1), np.float32) for one in (down, right)),
+        round(np.sqrt(paths)), scenery.seed, contrast, truth, ranges, places,
+    )  # fmt: skip
+    sums = contrast.reshape(height, width, 3, 3, len(designs), 2, 2).astype(np.float64)
+    rr, ri, ir, ii = sums[..., 0, 0], sums[..., 0, 1], sums[..., 1, 0], sums[..., 1, 1]
+    # A frame is half of white and half of its code's light.
+    pair = 0.5 * np.stack([rr - ii + 1j * (ri + ir), rr + ii + 1j * (ir - ri)], axis=-1)
+    picture = (height, width)
+    return RenderedParts(
+        np.moveaxis(pair, (2, 4, 5), (0, 1, 2)).astype(np.complex64),
+        truth.reshape(3, *picture, 3).astype(np.float32),
+        np.moveaxis(ranges.reshape(*picture, *ranges.shape[1:]), 2, 0).astype(np.float32),
+        _mean_place(places[:, :3]).reshape(2, *picture),
+        _mean_place(places[:, 3:]).reshape(2, *picture),
+    )
+
+
+def _mean_place(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, pixels) of (pixels, 3) rows, columns and weights; centres of pixels are at ½."""
+    weight = np.where(sums[:, 2] > 0, sums[:, 2], np.nan)
+    mean: NDArray[np.float64] = sums[:, :2].T / weight + 0.5
+    return mean
 
 
 def wave_tables(
