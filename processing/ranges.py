@@ -56,7 +56,7 @@ _LEAST_COHERENCE = 0.8
 # Creases look translucent within some finest pitches' width, measured on the projector.
 _CREASE_PITCHES = 3.0
 # Lines beside a block whose places its footprints need.
-_HALO = 2
+_HALO = 3
 # Part of the time that fitting takes; the rest goes to depth edges.
 _FIT_SHARE = 0.9
 
