@@ -78,6 +78,24 @@ def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
     return errors
 
 
+def told_of_blur(pitch_px: Array, blur_px2: float) -> float:
+    """What a blur leaves of the χ² by which light of short range shows, in (0, 1].
+
+    Short ranges and blur alike bend D(P)/white as (π/P)², which counts by its square over the
+    variance of `model_errors`; these grow with the blur that is corrected for.
+
+    Parameters
+    ----------
+    pitch_px, blur_px2
+        As for `model_errors`.
+    """
+    bend = (np.pi / pitch_px) ** 2
+    left, all_of_it = (
+        float(np.sum((bend / model_errors(pitch_px, variance)) ** 2)) for variance in (blur_px2, 0)
+    )
+    return left / all_of_it
+
+
 def slope_noise_gain(design: PitchDesign) -> float:
     """Variance of D, times ⟨Z_0, Z_0⟩, for frames of unit variance.
 

@@ -29,6 +29,7 @@ from processing.correspondence import Correspondence, decode
 from processing.depth_edges import Seen, Setting, fit_two_places, near_jumps, seen_beside
 from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
+from processing.near_light import NearLight
 from processing.optics import (
     NOISE_UNKNOWN,
     Sample,
@@ -45,10 +46,10 @@ from processing.range_decomposition import (
     blocks,
     lattice,
 )
-from processing.range_fit import fit_places, slope_noise_gain
+from processing.range_fit import fit_places, slope_noise_gain, told_of_blur
 from processing.remarks import Remark
 from processing.response import ResponseTables
-from processing.scattering import RivalFits, translucent_map
+from processing.scattering import RivalFits, Signs, translucent_map
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -174,10 +175,12 @@ def fit_ranges(
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, accounts)
-    fits, coherence, places = _fit_blocks(stack, white, mask, optics, progress)
+    told = told_of_blur(pitch_px, float(np.mean([one.side_px2 for one in blur])))
+    near = Signs(mask.shape, told)
+    fits, coherence, places = _fit_blocks(stack, white, mask, optics, near, progress)
     settled, suspects = _settle_edges(stack, white, places, mask, optics, fits, progress)
     least_px = _CREASE_PITCHES * pitch_px.min() / projector_px_per_px(places, mask)
-    found = translucent_map(fits.gain, mask, least_px, ~suspects)
+    found = translucent_map(fits.gain, mask, least_px, ~suspects, near)
     if not all(design.is_grid for design in stack.designs):
         found[:] = False
         warnings += (_NO_GRID,)
@@ -256,6 +259,7 @@ def _fit_blocks(
     white: Image,
     mask: NDArray[np.bool_],
     optics: _Optics,
+    near: Signs,
     progress: Progress,
 ) -> tuple[RivalFits, Image, Image]:
     """Fits of all usable pixels, the coherence and the (y, x) of their places."""
@@ -268,8 +272,14 @@ def _fit_blocks(
             fits.add(lines, chosen, located.light, _fitted(located, optics))
             coherence[lines][chosen] = located.places.coherence
             places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
+            near.add(lines, chosen, _near_light(located, optics))
         progress(_FIT_SHARE * min(lines.stop / len(mask), 1.0))
     return fits, coherence, places_px
+
+
+def _near_light(located: _Located, optics: _Optics) -> NearLight:
+    places = located.places.place_px
+    return NearLight.of(located.harmonics, places, optics.tables, located.gains, located.light)
 
 
 def _settle_edges(

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.blur import shorth
+from processing.near_light import NearLight
 from processing.range_fit import AccountFit
 from processing.stated_errors import model_errors, signs
 
@@ -25,6 +27,12 @@ EVIDENCE = 8.0
 # What suffices beside pixels of strong evidence, where neighbourhoods reach over the border.
 _WEAK_EVIDENCE = 3.0
 _NEIGHBOURHOOD_PX = (5, 3)
+# How many times the usual spread of sharpness is no chance.
+_UNSHARP = 4.0
+_MOST_PX2 = 1000.0
+# Light of short range, relative to white, that is evidence where it comes from all sides alike;
+# what comes from one side may be this part of it.
+_LEAST_LOST, _MOST_LEAN = 0.05, 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,11 +182,67 @@ def _relative(error: NDArray[np.floating], light: NDArray[np.floating]) -> NDArr
     return relative
 
 
+class Signs:
+    """`processing.near_light.NearLight` of every pixel, and what the capture's blur leaves of χ².
+
+    Parameters
+    ----------
+    shape
+        (height, width).
+    told
+        `processing.range_fit.told_of_blur` of the capture.
+    """
+
+    def __init__(self, shape: tuple[int, int], told: float) -> None:
+        self.told = told
+        # Relative to white: half precision is more than they are good for.
+        self.excess_px2 = np.full(shape, np.nan, np.float16)
+        self.lost = np.full(shape, np.nan, np.float16)
+        self.lean = np.full((2, *shape), np.nan, np.float16)
+
+    def add(self, lines: slice, chosen: NDArray[np.bool_], found: NearLight) -> None:
+        """Take in the pixels of some lines, as for `RivalFits.add`."""
+        self.excess_px2[lines][chosen] = np.clip(found.excess_px2, -_MOST_PX2, _MOST_PX2)
+        self.lost[lines][chosen] = np.clip(found.lost, -1, 1)
+        self.lean[:, lines][:, chosen] = np.clip(found.lean, -1, 1)
+
+    def unsharp(self, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Where the mean over 5 × 5 pixels exceeds the most frequent one by more than chance.
+
+        A lens, and footprints that are not exactly known, make some pixels sharper than the blur
+        that all share, and as many less sharp. What scatters is only less sharp.
+        """
+        known = counted & np.isfinite(self.excess_px2)
+        if not known.any():
+            return np.ones(counted.shape, bool)
+        mean = _local_mean(_held(self.excess_px2, known), known, _NEIGHBOURHOOD_PX[0])
+        typical = shorth(mean[known])
+        sharper = typical - mean[known & (mean < typical)]
+        chance = float(np.sqrt(np.mean(sharper**2))) if sharper.size else 0.0
+        found: NDArray[np.bool_] = mean > typical + _UNSHARP * chance
+        return found | ~known
+
+    def symmetric(self, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Where light of short range is missing at fine pitches that came from all sides alike."""
+        known = counted & np.isfinite(self.lost)
+        side = _NEIGHBOURHOOD_PX[0]
+        lost = _local_mean(_held(self.lost, known), known, side)
+        leans = [_local_mean(_held(one, known), known, side) for one in self.lean]
+        lean = np.sqrt(np.mean(np.square(leans), axis=0))
+        found: NDArray[np.bool_] = known & (lost > _LEAST_LOST) & (lean < _MOST_LEAN * lost)
+        return found
+
+
+def _held(values: NDArray[np.float16], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.where(known, values, 0).astype(np.float64)
+
+
 def translucent_map(
     gain: NDArray[np.float32],
     usable: NDArray[np.bool_],
     least_px: float,
     voting: NDArray[np.bool_] | None = None,
+    near: Signs | None = None,
 ) -> NDArray[np.bool_]:
     """Where the evidence says translucent.
 
@@ -198,6 +262,10 @@ def translucent_map(
         of their own and follow their neighbours. None: all.
     least_px
         Diameter, in camera pixels, of the discs that a translucent region is made of.
+    near
+        Where it is known: what is called translucent must be less sharp than the picture's pixels
+        differ in sharpness by themselves, and missing light of short range that comes from all
+        sides is evidence as well.
 
     Returns
     -------
@@ -208,11 +276,31 @@ def translucent_map(
     counted = usable if voting is None else usable & voting
     votes = np.where(counted, gain, 0).astype(np.float64)
     wide, narrow = (_local_mean(votes, counted, side) for side in _NEIGHBOURHOOD_PX)
-    strong = (wide > EVIDENCE) & (narrow > EVIDENCE)
-    found = (narrow > _WEAK_EVIDENCE) & _opened(strong | ~usable, least_px / 2)
+    told = 1.0 if near is None else near.told
+    strong = (wide > EVIDENCE * told) & (narrow > EVIDENCE * told)
+    weak = narrow > _WEAK_EVIDENCE * told
+    if near is not None:
+        unsharp = near.unsharp(counted)
+        symmetric = near.symmetric(counted) & unsharp
+        strong = (strong & unsharp) | symmetric
+        weak |= symmetric
+    found = weak & _opened(strong | ~usable, least_px / 2)
     if found.any():
         found = ndimage.binary_fill_holes(_closed(found, least_px / 2))
     return usable & found
+
+
+def _unsharp(excess_px2: NDArray[np.float32], counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where the mean over 5 × 5 pixels exceeds the most frequent one by more than chance."""
+    known = counted & np.isfinite(excess_px2)
+    if not known.any():
+        return np.ones(counted.shape, bool)
+    mean = _local_mean(np.where(known, excess_px2, 0).astype(np.float64), known, 5)
+    typical = shorth(mean[known])
+    sharper = typical - mean[known & (mean < typical)]
+    chance = float(np.sqrt(np.mean(sharper**2))) if sharper.size else 0.0
+    found: NDArray[np.bool_] = mean > typical + _UNSHARP * chance
+    return found | ~known
 
 
 def _local_mean(
