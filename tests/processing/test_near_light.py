@@ -1,0 +1,126 @@
+"""Signs of light of short range, on harmonics made from the response tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from processing.gathering import HarmonicsStack
+from processing.near_light import NearLight
+from processing.patterns import Family, Pattern, shift_grid
+from processing.range_fit import told_of_blur
+from processing.response import ResponseTables
+from processing.scattering import Signs, translucent_map
+from tests.processing.light import PITCHES_PX, PROJECTOR_PX, checkers
+
+SPREAD_PX = 10.0
+N = 200
+# Few shifts mix harmonics of the wave up, by a fifth with six; with many, the plain formulae hold.
+MANY = [
+    Pattern(Family.CHECKER, pitch_px, *shift)
+    for pitch_px in (12, 16, 24, 32, 48, 64, 72)
+    for shift in shift_grid(pitch_px, (12, 12))
+]
+
+
+def tables(blur_px2: float, patterns: list[Pattern] | None = None) -> ResponseTables:
+    stack = HarmonicsStack(patterns or checkers(), (1, 1, 1), PROJECTOR_PX)
+    return ResponseTables.of(stack.designs, [0.0, SPREAD_PX], blur_px2)
+
+
+def places() -> NDArray[np.float64]:
+    return np.random.default_rng(3).uniform(20, 150, (2, N))
+
+
+def harmonics(
+    table: ResponseTables, at: NDArray[np.float64], spread: int
+) -> NDArray[np.complex128]:
+    """What unit light of a spread adds at (2, n) places, (pitches, 2, n)."""
+    rows = []
+    ends = [*table.first[1:], len(table.down)]
+    for first, end, pitch_px in zip(table.first, ends, table.pitch_px, strict=True):
+        bins = np.linspace(0, 2 * pitch_px, end - first)
+        down = np.interp(at[0] % (2 * pitch_px), bins, table.down[first:end, spread])
+        right = np.interp(at[1] % (2 * pitch_px), bins, table.right[first:end, spread])
+        rows.append([down * right / 2, down * right.conj() / 2])
+    return np.array(rows)
+
+
+def near(seen: NDArray[np.complex128], table: ResponseTables) -> NearLight:
+    return NearLight.of(
+        seen[..., np.newaxis].astype(np.complex64),
+        places()[..., np.newaxis],
+        (table,),
+        np.ones((N, len(table.pitch_px), 2, 1)),
+        np.ones((N, 1)),
+    )
+
+
+@pytest.mark.parametrize("excess_px2", [-0.5, 0.0, 1.0])
+def test_excess_of_blur_is_its_variance(excess_px2: float) -> None:
+    """1 %, and 0.01 px² for the harmonics of the wave that shifts mix up."""
+    assumed = tables(2.0)
+    found = near(harmonics(tables(2.0 + excess_px2), places(), 0), assumed)
+    assert np.mean(found.excess_px2) == pytest.approx(excess_px2, rel=0.01, abs=0.01)
+
+
+def test_light_from_all_sides_is_lost_and_does_not_lean() -> None:
+    """2 % of white: at every place a few shifts more or less catch an edge."""
+    table = tables(1.0, MANY)
+    here, spread = (harmonics(table, places(), one) for one in (0, 1))
+    found = near(0.7 * here + 0.3 * spread, table)
+    left = [np.exp(-((np.pi * SPREAD_PX / pitch_px) ** 2)) for pitch_px in (12, 72)]
+    assert found.lost.mean() == pytest.approx(0.3 * (left[1] - left[0]), abs=0.02)
+    np.testing.assert_allclose(found.lean.mean(axis=1), 0, atol=0.005)
+
+
+def test_light_from_one_side_leans() -> None:
+    table = tables(1.0, MANY)
+    beside = places() + np.array([[10.0], [0.0]])
+    found = near(0.7 * harmonics(table, places(), 0) + 0.3 * harmonics(table, beside, 1), table)
+    lean = found.lean.mean(axis=1)
+    assert np.all(np.abs(lean) > 0.3 * found.lost.mean())
+    # Both diagonals see a shift down alike.
+    assert lean[0] == pytest.approx(lean[1], abs=0.005)
+
+
+def test_stripes_and_too_few_pitches_tell_nothing_of_sides() -> None:
+    stripes = [Pattern(Family.STRIPES_ROWS, p, s * p // 3) for p in PITCHES_PX for s in range(6)]
+    for patterns in (stripes, checkers((8, 64))):
+        table = tables(1.0, patterns)
+        found = near(harmonics(table, places(), 0), table)
+        assert np.isnan(found.lost).all()
+        assert np.isnan(found.lean).all()
+
+
+def test_blur_takes_from_what_is_told() -> None:
+    pitch_px = np.array(PITCHES_PX, np.float64)
+    told = [told_of_blur(pitch_px, variance) for variance in (0.0, 0.5, 4.0, 16.0)]
+    assert told[0] == 1
+    assert told == sorted(told, reverse=True)
+
+
+def scene(excess_px2: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Strong evidence in a square of a picture whose sharpness is given."""
+    shape = excess_px2.shape
+    gain = np.zeros(shape, np.float32)
+    gain[20:40, 20:40] = 30
+    signs = Signs(shape, 1.0)
+    none = np.zeros(excess_px2.size)
+    signs.add(
+        slice(0, shape[0]),
+        np.ones(shape, bool),
+        NearLight(excess_px2.ravel(), none, np.stack([none, none])),
+    )
+    return translucent_map(gain, np.ones(shape, bool), 8.0, None, signs)
+
+
+def test_what_is_no_less_sharp_than_others_is_not_called_translucent() -> None:
+    """Waves of ±1 px² over the picture; the square lies 0.9 or 9 px² above its average."""
+    down, right = np.mgrid[:60, :60]
+    excess = np.sin(down / 6) * np.cos(right / 7)
+    excess[20:40, 20:40] = 0.9
+    assert not scene(excess).any()
+    excess[20:40, 20:40] = 9.0
+    assert scene(excess)[22:38, 22:38].all()
