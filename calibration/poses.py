@@ -25,6 +25,8 @@ MOST_REPROJECTION_PX = 1.0
 LEAST_POINTS = 16
 LEAST_CORNERS = 0.7
 WINDOW = 0.8
+# Of the distance to the nearest corner.
+REFINED_WITHIN = 0.35
 OUTLIER_PX = 1.5
 # Some hundred corners tell k1; further terms trade places with the principal point.
 FLAGS = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
@@ -64,8 +66,8 @@ class Lens:
         (3, 3), pixels.
     distortion
         (5,): k1, k2, p1, p2, k3, of which all but k1 are held at 0.
-    focal_deviation_px
-        (2,) standard errors of the focal lengths.
+    focal_deviation_px, centre_deviation_px
+        (2,) standard errors of the focal lengths and of the principal point.
     reprojection_px
         Root mean square of what is left of the corners, by itself.
     residuals_px
@@ -75,6 +77,7 @@ class Lens:
     matrix: Array
     distortion: Array
     focal_deviation_px: Array
+    centre_deviation_px: Array
     reprojection_px: float
     residuals_px: Array
 
@@ -134,7 +137,7 @@ def find_pose(picture: NDArray[np.float32], seen: Correspondence, board: Chessbo
             f"no board of {board.columns} × {board.rows} inner corners is seen whole: it has to "
             "lie within the light and the picture, with a pale margin, in focus"
         )
-    camera_px = corners.reshape(-1, 2).astype(np.float32)
+    camera_px = _refined(np.sqrt(np.clip(picture / bright, 0, 1)), corners.reshape(-1, 2))
     carried = [_carried(corner, camera_px, seen) for corner in camera_px]
     kept = np.array([one is not None for one in carried])
     if kept.mean() < LEAST_CORNERS:
@@ -144,6 +147,23 @@ def find_pose(picture: NDArray[np.float32], seen: Correspondence, board: Chessbo
         )
     places = np.array([one for one in carried if one is not None], np.float32)
     return Pose(board.points_m()[kept], camera_px[kept], places)
+
+
+def _refined(shown: NDArray[np.floating], corners: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Corners where the gradients around each point at it (OpenCV's cornerSubPix).
+
+    The detector's own fraction of a pixel is off by 0.08 to 0.15 px on squares of 11 to 22 px,
+    enough for focal lengths 1.5 % too long; this is off by 0.04 px.
+    """
+    distances = np.hypot(*np.moveaxis(corners[:, np.newaxis] - corners, -1, 0))
+    nearest = float(np.sort(distances, axis=1)[:, 1].min())
+    reach = max(int(REFINED_WITHIN * nearest), 2)
+    until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
+    places = np.ascontiguousarray(corners, np.float32).reshape(-1, 1, 2)
+    moved = cv2.cornerSubPix(
+        (255 * shown).astype(np.float32), places, (reach, reach), (-1, -1), until
+    )
+    return np.asarray(moved, np.float32).reshape(-1, 2)
 
 
 def _carried(
@@ -240,7 +260,7 @@ def _lens(
         np.reshape(cv2.projectPoints(points, turn, step, matrix, distortion)[0], (-1, 2)) - places
         for points, places, turn, step in zip(board, seen, turns, steps, strict=True)
     ]
-    focal_deviation = np.ravel(deviations)[:2].astype(np.float64)
+    focal_deviation, centre_deviation = np.ravel(deviations)[:4].astype(np.float64).reshape(2, 2)
     focal = np.array([matrix[0, 0], matrix[1, 1]])
     if not np.all(focal_deviation < MOST_FOCAL_ERROR * focal):
         raise UnsupportedError(
@@ -250,7 +270,7 @@ def _lens(
         )
     lens = Lens(
         np.asarray(matrix, np.float64), np.ravel(distortion)[:5].astype(np.float64),
-        focal_deviation,
+        focal_deviation, centre_deviation,
         float(error), np.concatenate(residuals).astype(np.float64),
     )  # fmt: skip
     return lens, [np.asarray(cv2.Rodrigues(turn)[0], np.float64) for turn in turns]

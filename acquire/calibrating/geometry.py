@@ -82,7 +82,7 @@ class GeometryCalibration:
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """What one session tells: green light under white, and the projector's places."""
+    """What one session tells: light of all photosites under white, and the projector's places."""
 
     picture: Image
     places: Correspondence
@@ -132,7 +132,17 @@ def _seen(session: Session, frame_done: Callable[[], None]) -> _View:
         lit,
         resolution,
     )
-    return _View(green, places, resolution)
+    return _View(_of_all_photosites(light, lit), places, resolution)
+
+
+def _of_all_photosites(light: Image, lit: NDArray[np.bool_]) -> Image:
+    """A picture for corners, (height, width), in which all photosites of a quad count.
+
+    Two photosites of a quad see only half of it, and the print's edges stand where they see them.
+    """
+    level = np.percentile(light[lit], 99, axis=0) if lit.any() else np.ones(3)
+    shares = np.array([0.25, 0.5, 0.25]) / np.maximum(level, 1e-30)
+    return np.asarray(light @ shares, np.float32)
 
 
 def _phase(viewer: Viewer, *, rows: bool) -> Phase:
@@ -249,7 +259,8 @@ def _of_lens(name: str, lens: Lens) -> dict[str, Quantity]:
             uncertainty=numbers(lens.focal_deviation_px),
         ),
         f"{name}_centre_px": Quantity(
-            meaning="principal point, column and row", unit="px", value=numbers(lens.matrix[:2, 2])
+            meaning="principal point, column and row", unit="px", value=numbers(lens.matrix[:2, 2]),
+            uncertainty=numbers(lens.centre_deviation_px),
         ),
         f"{name}_distortion": Quantity(
             meaning="OpenCV's k1, k2, p1, p2, k3; only k1 is fitted", unit="",

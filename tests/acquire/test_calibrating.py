@@ -175,6 +175,26 @@ def test_geometry_finds_the_projector_pixel_of_every_camera_pixel(tmp_path: Path
     assert "projector column" in page
 
 
+def test_poses_of_a_chessboard_tell_the_lenses(tmp_path: Path) -> None:
+    """Focal lengths within 4 of their stated errors; reprojection as the requirement has it."""
+    sessions = []
+    for number in (2, 3, 4, 5):
+        board = {"scene": f"chessboard-{number}", "camera_px": (96, 128)}
+        large = {**board, "projector_px": (216, 288), "gamma": 1.0, "black_level": 0.0}
+        bench = simulated_bench(SIM.model_copy(update=large))
+        setting = Setting(CameraPlan(), ProjectorPlan(), bench.resolution)
+        with ProgressDisplay(quiet=True) as progress:
+            folder = tmp_path / str(number)
+            one = GeometryCalibration()
+            sessions += capture_all(one, setting, bench, folder, progress, Notes().stop)[0]
+    found = GeometryCalibration(board=Chessboard(7, 5, 0.07)).fit(sessions, lambda: None)
+    assert (found.quantities["reprojection_px"].value[0] or 1) < 0.3
+    for name, focal_px in (("camera", 128 / 0.6), ("projector", 216 / (1.125 * 0.6))):
+        focal = found.quantities[f"{name}_focal_px"]
+        off = np.array(focal.value, float) - focal_px
+        assert np.all(np.abs(off) < 4 * np.array(focal.uncertainty, float))
+
+
 @pytest.mark.parametrize(
     ("calibration", "camera", "changes", "message"),
     [
