@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,75 +85,80 @@ def _contrast(viewer: Viewer, pitch_px: int, seen: References) -> CheckerContras
 
 
 def _finding(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Finding:
-    mean = found.modulation.mean(axis=1)
-    warnings = []
+    columns = {"pitch_px": numbers(found.pitch_px)}
+    for k, name in enumerate(COLOURS):
+        columns |= {
+            f"modulation_{name}": numbers(found.modulation.mean(axis=1)[:, k]),
+            f"extremes_{name}": numbers(found.extremes[:, k]),
+            f"misfit_{name}": numbers(found.misfit[:, k]),
+        }
+    contrast = Curve(
+        meaning="modulation of the checker's fundamental, direct fraction by max/min, and "
+        "what the Gaussian misses the modulation by",
+        columns=columns,
+    )
+    return Finding(
+        quantities=_quantities(found),
+        curves={"contrast": contrast},
+        maps={"modulation_blocks": blocks},
+        warnings=tuple(_warnings(found, blocks, lamp)),
+        plots=_plots(found),
+    )
+
+
+def _warnings(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Iterator[str]:
     telling = int(np.argmin(np.abs(np.nanmean(blocks, axis=(1, 2)) - 0.5)))
     uneven = float(np.nanmax(blocks[telling]) - np.nanmin(blocks[telling]))
     if uneven > WARNED_UNEVEN:
-        warnings.append(
+        yield (
             f"At pitch {found.pitch_px[telling]:g} px the modulation differs by {uneven:.0%} over "
             "the picture: the board is tilted or the focus uneven. One curve is used for all of it."
         )
     if lamp > 0.01:
-        warnings.append(
-            f"White changed by {lamp:.1%} during the capture; contrast is off by as much."
-        )
+        yield f"White changed by {lamp:.1%} during the capture; contrast is off by as much."
+
+
+def _quantities(found: Contrast) -> dict[str, Quantity]:
+    return {
+        "side_px2": Quantity(
+            meaning="variance a side of the Gaussian blur that comes nearest, each colour",
+            unit="projector px²",
+            value=numbers(found.side_px2),
+            uncertainty=numbers(found.side_deviation_px2),
+        ),
+        "skew_px2": Quantity(
+            meaning="covariance between rows and columns of the same blur",
+            unit="projector px²",
+            value=numbers(found.skew_px2),
+        ),
+        "finest_px": Quantity(
+            meaning=f"finest pitch that keeps {USABLE:.0%} of its modulation in every colour",
+            unit="projector px",
+            value=(found.finest_px,),
+        ),
+        "misfit": Quantity(
+            meaning="modulation that the Gaussian misses, root mean square over the pitches",
+            unit="",
+            value=numbers(np.sqrt(np.mean(found.misfit**2, axis=0))),
+            role="residual",
+        ),
+    }
+
+
+def _plots(found: Contrast) -> tuple[Plot, ...]:
+    mean = found.modulation.mean(axis=1)
     fine = np.linspace(found.pitch_px.min(), found.pitch_px.max(), 100)
     fitted = np.exp(-((np.pi / fine[:, np.newaxis]) ** 2) * found.side_px2)
-    columns = {"pitch_px": numbers(found.pitch_px)}
-    for k, name in enumerate(COLOURS):
-        columns |= {
-            f"modulation_{name}": numbers(mean[:, k]),
-            f"extremes_{name}": numbers(found.extremes[:, k]),
-            f"misfit_{name}": numbers(found.misfit[:, k]),
-        }
-    return Finding(
-        quantities={
-            "side_px2": Quantity(
-                meaning="variance a side of the Gaussian blur that comes nearest, each colour",
-                unit="projector px²",
-                value=numbers(found.side_px2),
-                uncertainty=numbers(found.side_deviation_px2),
-            ),
-            "skew_px2": Quantity(
-                meaning="covariance between rows and columns of the same blur",
-                unit="projector px²",
-                value=numbers(found.skew_px2),
-            ),
-            "finest_px": Quantity(
-                meaning=f"finest pitch that keeps {USABLE:.0%} of its modulation in every colour",
-                unit="projector px",
-                value=(found.finest_px,),
-            ),
-            "misfit": Quantity(
-                meaning="modulation that the Gaussian misses, root mean square over the pitches",
-                unit="",
-                value=numbers(np.sqrt(np.mean(found.misfit**2, axis=0))),
-                role="residual",
-            ),
-        },
-        curves={
-            "contrast": Curve(
-                meaning="modulation of the checker's fundamental, direct fraction by max/min, and "
-                "what the Gaussian misses the modulation by",
-                columns=columns,
-            )
-        },
-        maps={"modulation_blocks": blocks},
-        warnings=tuple(warnings),
-        plots=(
-            Plot(
-                "Modulation against pitch",
-                curves_plot(
-                    found.pitch_px, mean, fine, fitted, "pitch in projector px", "modulation"
-                ),
-                f"Points: measured; lines: the Gaussian blur that comes nearest. Below 30 %, finer "
-                f"than {found.finest_px:.1f} px here, contrast is mostly noise.",
-            ),
-            Plot(
-                "What the Gaussian misses",
-                points_plot(found.pitch_px, 100 * found.misfit, "pitch in projector px", "%"),
-                "Measured less fitted modulation.",
-            ),
+    return (
+        Plot(
+            "Modulation against pitch",
+            curves_plot(found.pitch_px, mean, fine, fitted, "pitch in projector px", "modulation"),
+            f"Points: measured; lines: the Gaussian blur that comes nearest. Below 30 %, finer "
+            f"than {found.finest_px:.1f} px here, contrast is mostly noise.",
+        ),
+        Plot(
+            "What the Gaussian misses",
+            points_plot(found.pitch_px, 100 * found.misfit, "pitch in projector px", "%"),
+            "Measured less fitted modulation.",
         ),
     )

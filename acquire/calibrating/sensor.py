@@ -16,11 +16,12 @@ from acquire.plan import Plan, ProfileKind
 from acquire.plan_file import BLACK, WHITE
 from acquire.profile_file import COLOURS, Curve, Quantity, numbers
 from acquire.session import Session, Transfer
-from calibration.dark import DarkFrames
+from calibration.dark import Dark, DarkFrames
 from calibration.photon_transfer import (
     Linearity,
     NoiseLine,
     TransferPairs,
+    TransferPoints,
     fit_linearity,
     fit_noise_line,
 )
@@ -61,61 +62,66 @@ class DarkCalibration:
         frames = DarkFrames()
         for _, image in viewer.images(viewer.all_of(Family.BLACK)):
             frames.add(image.values)
-        found = frames.fit()
-        hot = int(found.hot.sum())
-        warnings = []
-        if hot > WARNED_HOT_PIXELS * found.hot.size:
-            warnings.append(f"{hot} of {found.hot.size} pixels are hot; a cooler sensor has fewer.")
-        steps = np.arange(len(found.levels), dtype=float)
-        return Finding(
-            quantities={
-                "black_level": Quantity(
-                    meaning="median level without light, after the black level the camera states",
-                    unit=RANGE,
-                    value=numbers(found.level),
-                    uncertainty=numbers(found.level_deviation),
-                ),
-                "read_noise": Quantity(
-                    meaning="standard deviation of a decoded value without light",
-                    unit=RANGE,
-                    value=numbers(found.read_noise),
-                    uncertainty=numbers(found.read_noise_deviation),
-                ),
-                "hot_pixels": Quantity(meaning="pixels left out", unit="", value=(float(hot),)),
-                "unsteadiness": Quantity(
-                    meaning="standard deviation over the frames of their median level",
-                    unit=RANGE,
-                    value=numbers(found.levels.std(axis=0)),
-                    role="residual",
-                ),
-            },
-            curves={
-                "levels": Curve(
-                    meaning="median level of every frame, the residual over time",
-                    columns={
-                        "frame": numbers(steps),
-                        **dict(zip(COLOURS, map(numbers, found.levels.T), strict=True)),
-                    },
-                )
-            },
-            maps={"offset": found.offset, "hot": found.hot},
-            warnings=tuple(warnings),
-            plots=(
-                Plot(
-                    "Offsets of the pixels",
-                    histogram_plot(found.offset, "offset, % of the sensor's range"),
-                    "How far the mean of every pixel lies from the black level; hot pixels stand "
-                    "alone at the right.",
-                ),
-                Plot(
-                    "Black level over the frames",
-                    points_plot(
-                        steps, 100 * (found.levels - found.level), "frame", "% of the range"
-                    ),
-                    "Median of every frame less the median of all: warming up would show here.",
-                ),
+        return _dark_finding(frames.fit())
+
+
+def _dark_finding(found: Dark) -> Finding:
+    hot = int(found.hot.sum())
+    warnings = []
+    if hot > WARNED_HOT_PIXELS * found.hot.size:
+        warnings.append(f"{hot} of {found.hot.size} pixels are hot; a cooler sensor has fewer.")
+    return Finding(
+        quantities={
+            "black_level": _quantity(
+                "median level without light, after the black level the camera states",
+                RANGE,
+                found.level,
+                found.level_deviation,
             ),
-        )
+            "read_noise": _quantity(
+                "standard deviation of a decoded value without light",
+                RANGE,
+                found.read_noise,
+                found.read_noise_deviation,
+            ),
+            "hot_pixels": Quantity(meaning="pixels left out", unit="", value=(float(hot),)),
+            "unsteadiness": Quantity(
+                meaning="standard deviation over the frames of their median level",
+                unit=RANGE,
+                value=numbers(found.levels.std(axis=0)),
+                role="residual",
+            ),
+        },
+        curves={
+            "levels": Curve(
+                meaning="median level of every frame, the residual over time",
+                columns={
+                    "frame": numbers(np.arange(len(found.levels), dtype=float)),
+                    **dict(zip(COLOURS, map(numbers, found.levels.T), strict=True)),
+                },
+            )
+        },
+        maps={"offset": found.offset, "hot": found.hot},
+        warnings=tuple(warnings),
+        plots=_dark_plots(found),
+    )
+
+
+def _dark_plots(found: Dark) -> tuple[Plot, ...]:
+    steps = np.arange(len(found.levels), dtype=float)
+    return (
+        Plot(
+            "Offsets of the pixels",
+            histogram_plot(found.offset, "offset, % of the sensor's range"),
+            "How far the mean of every pixel lies from the black level; hot pixels stand "
+            "alone at the right.",
+        ),
+        Plot(
+            "Black level over the frames",
+            points_plot(steps, 100 * (found.levels - found.level), "frame", "% of the range"),
+            "Median of every frame less the median of all: warming up would show here.",
+        ),
+    )
 
 
 STOPS = (0.125, 0.25, 0.5, 1.0, 2.0)
@@ -162,52 +168,53 @@ class NoiseCalibration:
         points = pairs.points()
         lines = [fit_noise_line(colour) for colour in points]
         linear = series.linearity()
-        counts = _counts(session)
-        quantities = _noise_quantities(lines, linear, counts)
-        warnings = tuple(_noise_warnings(lines, linear))
         return Finding(
-            quantities=quantities,
-            curves={
-                **{
-                    name: Curve(
-                        meaning=f"variance against signal, {name}",
-                        columns={
-                            "signal": numbers(colour.signal),
-                            "variance": numbers(colour.variance),
-                            "residual": numbers(line.residuals),
-                        },
-                    )
-                    for name, colour, line in zip(COLOURS, points, lines, strict=True)
-                },
-                "linearity": Curve(
-                    meaning="relative departure from proportionality to the exposure time",
-                    columns={
-                        "signal": numbers(linear.signal),
-                        "departure": numbers(linear.deviation),
-                    },
-                ),
-            },
-            warnings=warnings,
-            plots=(
-                Plot(
-                    "Photon transfer",
-                    noise_plot(points, lines),
-                    "Variance of a value against its signal; the slope is one over the electrons "
-                    "that fill the range, halved for green, whose values are means of two "
-                    "photosites.",
-                ),
-                Plot(
-                    "Linearity",
-                    points_plot(
-                        linear.signal,
-                        100 * linear.deviation[:, np.newaxis],
-                        "signal, fraction of the range",
-                        "departure, %",
-                    ),
-                    "How far the signal is from proportional to the exposure time.",
-                ),
-            ),
+            quantities=_noise_quantities(lines, linear, _counts(session)),
+            curves=_noise_curves(points, lines, linear),
+            warnings=tuple(_noise_warnings(lines, linear)),
+            plots=_noise_plots(points, lines, linear),
         )
+
+
+def _noise_curves(
+    points: Sequence[TransferPoints], lines: Sequence[NoiseLine], linear: Linearity
+) -> dict[str, Curve]:
+    transfer = {
+        name: Curve(
+            meaning=f"variance against signal, {name}",
+            columns={
+                "signal": numbers(colour.signal),
+                "variance": numbers(colour.variance),
+                "residual": numbers(line.residuals),
+            },
+        )
+        for name, colour, line in zip(COLOURS, points, lines, strict=True)
+    }
+    linearity = Curve(
+        meaning="relative departure from proportionality to the exposure time",
+        columns={"signal": numbers(linear.signal), "departure": numbers(linear.deviation)},
+    )
+    return transfer | {"linearity": linearity}
+
+
+def _noise_plots(
+    points: Sequence[TransferPoints], lines: Sequence[NoiseLine], linear: Linearity
+) -> tuple[Plot, ...]:
+    departure = 100 * linear.deviation[:, np.newaxis]
+    return (
+        Plot(
+            "Photon transfer",
+            noise_plot(points, lines),
+            "Variance of a value against its signal; the slope is one over the electrons "
+            "that fill the range, halved for green, whose values are means of two "
+            "photosites.",
+        ),
+        Plot(
+            "Linearity",
+            points_plot(linear.signal, departure, "signal, fraction of the range", "departure, %"),
+            "How far the signal is from proportional to the exposure time.",
+        ),
+    )
 
 
 class _Series:

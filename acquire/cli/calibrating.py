@@ -39,6 +39,40 @@ class Kind(StrEnum):
     FOCUS = "focus"
 
 
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Profile to write (JSON); its page goes beside it. focus writes none."),
+]
+BenchName = Annotated[
+    str | None, typer.Option(help="sim, lab, replay:SESSION or a bench file; default sim.")
+]
+Folders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Where the frames go; without --bench, frames that are there (geometry: once for "
+        "each pose). Default: beside the profile."
+    ),
+]
+PlanFile = Annotated[Path | None, typer.Option(help="Plan whose [camera] and [projector] to use.")]
+Exposure = Annotated[
+    float | None, typer.Option(min=1e-6, max=3600, help="Seconds, instead of the plan's.")
+]
+Fraction = Annotated[
+    float, typer.Option(min=0.05, max=0.95, help="exposure: of saturation, to aim at.")
+]
+Refresh = Annotated[float, typer.Option(min=1, max=1000, help="exposure: of the projector, in Hz.")]
+Corners = Annotated[
+    str | None,
+    typer.Option(help="geometry: inner corners of the chessboard in the poses, such as 9x6."),
+]
+SquareMm = Annotated[
+    float, typer.Option(min=0.1, max=10_000, help="geometry: side of its squares.")
+]
+Shots = Annotated[
+    int | None, typer.Option(min=1, help="focus: looks to take; default: until Ctrl-C.")
+]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command("calibrate")(calibrate_command)
@@ -46,43 +80,16 @@ def register(app: typer.Typer) -> None:
 
 def calibrate_command(
     kind: Annotated[Kind, typer.Argument(help="What to measure.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Profile to write (JSON); its page goes beside it. focus writes none."),
-    ] = None,
-    bench: Annotated[
-        str | None,
-        typer.Option(help="sim, lab, replay:SESSION or a bench file; default sim."),
-    ] = None,
-    session: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Where the frames go; without --bench, frames that are there (geometry: once for "
-            "each pose). Default: beside the profile."
-        ),
-    ] = None,
-    plan: Annotated[
-        Path | None, typer.Option(help="Plan whose [camera] and [projector] to use.")
-    ] = None,
-    exposure: Annotated[
-        float | None, typer.Option(min=1e-6, max=3600, help="Seconds, instead of the plan's.")
-    ] = None,
-    fraction: Annotated[
-        float, typer.Option(min=0.05, max=0.95, help="exposure: of saturation, to aim at.")
-    ] = 0.8,
-    refresh: Annotated[
-        float, typer.Option(min=1, max=1000, help="exposure: of the projector, in Hz.")
-    ] = 60.0,
-    board: Annotated[
-        str | None,
-        typer.Option(help="geometry: inner corners of the chessboard in the poses, such as 9x6."),
-    ] = None,
-    square_mm: Annotated[
-        float, typer.Option(min=0.1, max=10_000, help="geometry: side of its squares.")
-    ] = 25.0,
-    shots: Annotated[
-        int | None, typer.Option(min=1, help="focus: looks to take; default: until Ctrl-C.")
-    ] = None,
+    out: Out = None,
+    bench: BenchName = None,
+    session: Folders = None,
+    plan: PlanFile = None,
+    exposure: Exposure = None,
+    fraction: Fraction = 0.8,
+    refresh: Refresh = 60.0,
+    board: Corners = None,
+    square_mm: SquareMm = 25.0,
+    shots: Shots = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the profile; focus: a line a shot.")
     ] = False,
@@ -96,12 +103,9 @@ def calibrate_command(
     if kind is Kind.FOCUS:
         _focus(plan, exposure, bench or "sim", shots, as_json=as_json)
         return
-    if out is None:
-        raise ProfileError(f"calibrate {kind.value} writes a profile: give --out PROFILE.json.")
-    if out.suffix != ".json":
-        raise ProfileError(f"--out {out}: a profile is JSON; give a name that ends in .json.")
+    path = _profile_path(kind, out)
     calibration = _calibration(kind, exposure, fraction, refresh, _chessboard(board, square_mm))
-    folders = session or [out.with_suffix(".session")]
+    folders = session or [path.with_suffix(".session")]
     if len(folders) > 1 and (kind is not Kind.GEOMETRY or bench is not None):
         raise ProfileError(
             "Several --session are the poses of `calibrate geometry`, captured before, each by a "
@@ -113,14 +117,22 @@ def calibrate_command(
         progress = ProgressDisplay(quiet=quiet, verbose=verbose)
         sessions = _captured(calibration, plan, exposure, bench or "sim", folders[0], progress)
     with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
-        calibrated = calibrate(calibration, sessions, out, progress)
-    page = write_page(out, calibrated, calibration.purpose)
+        calibrated = calibrate(calibration, sessions, path, progress)
+    page = write_page(path, calibrated, calibration.purpose)
     if as_json:
         typer.echo(calibrated.profile.model_dump_json(indent=1))
         return
     _print(calibrated)
-    typer.echo(f"profile: {out}")
+    typer.echo(f"profile: {path}")
     typer.echo(f"page: {page}")
+
+
+def _profile_path(kind: Kind, out: Path | None) -> Path:
+    if out is None:
+        raise ProfileError(f"calibrate {kind.value} writes a profile: give --out PROFILE.json.")
+    if out.suffix != ".json":
+        raise ProfileError(f"--out {out}: a profile is JSON; give a name that ends in .json.")
+    return out
 
 
 def _focus(
