@@ -1,17 +1,15 @@
 """Frames a minute of a capture with the page open and three viewers, against without a page.
 
-Both kinds of run are taken in turn on the simulated bench at its real pace: settling 0.1 s,
-exposure 0.1 s, delivery 0.05 s, and whatever computing adds. Viewers are clients in a process of
-their own that take every picture as fast as it comes, without drawing it. The pace is that of the
-files of the session, from the first to the last: starting up does not count.
+Both kinds of run are taken in turn on the simulated bench at its real pace. Viewers are clients in
+a process of their own that take every picture as fast as it comes, without drawing it. The pace is
+that of the files of the session, from the first to the last: starting up does not count.
 
-    python benchmarks/page_pace.py [PAIRS]
+    python -m benchmarks.page_pace [PAIRS]
 """
 
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -24,15 +22,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
+from benchmarks.paged import HOME, start
+
 VIEWERS = 3
 PLAN = "[pattern]\npitch_px = [8, 16]\n"
-BENCH = """kind = "sim"
-[sim]
-camera_px = [192, 256]
-full_well_e = 20000
-read_noise_e = 5
-real_time = true
-"""
 
 
 def look(address: str, seen: list[int]) -> None:
@@ -53,22 +46,13 @@ def look(address: str, seen: list[int]) -> None:
 
 def run(folder: Path, *, page: bool) -> tuple[float, int]:
     """Frames a minute of one capture, and how many pictures its viewers got."""
-    session = folder / "s"
-    command = ["capture", "plan.toml", "--out", "s", "--bench", "bench.toml"]
-    process = subprocess.Popen(  # noqa: S603 - this interpreter and this project
-        [sys.executable, "-m", "acquire", *command, *(["--page"] if page else [])],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert process.stdout is not None
+    options = ["--page"] if page else []
+    process, address = start(folder, PLAN, "capture", *options, has_page=page)
     pictures = 0
     if page:
-        address = process.stdout.readline().split()[-1]
-        viewers = subprocess.run(  # noqa: S603 - this file
-            [sys.executable, __file__, "--look", address],
+        viewers = subprocess.run(  # noqa: S603 - this module
+            [sys.executable, "-m", "benchmarks.page_pace", "--look", address],
+            cwd=HOME,
             capture_output=True,
             text=True,
             check=True,
@@ -76,7 +60,7 @@ def run(folder: Path, *, page: bool) -> tuple[float, int]:
         pictures = int(viewers.stdout)
     process.communicate()
     assert process.returncode == 0
-    times = sorted(path.stat().st_mtime_ns for path in (session / "frames").iterdir())
+    times = sorted(path.stat().st_mtime_ns for path in (folder / "s" / "frames").iterdir())
     return 60e9 * (len(times) - 1) / (times[-1] - times[0]), pictures
 
 
@@ -87,10 +71,7 @@ def main(pairs: int) -> None:
         paces = {}
         for page in (False, True) if pair % 2 else (True, False):
             with tempfile.TemporaryDirectory() as name:
-                folder = Path(name)
-                (folder / "plan.toml").write_text(PLAN)
-                (folder / "bench.toml").write_text(BENCH)
-                paces[page], pictures = run(folder, page=page)
+                paces[page], pictures = run(Path(name), page=page)
                 if page:
                     seen = pictures
         ratios.append(paces[True] / paces[False])

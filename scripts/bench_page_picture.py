@@ -1,6 +1,6 @@
 """Make docs/bench-page.png anew: the page at the simulated bench, in mid-capture.
 
-    python scripts/bench_page_picture.py
+    python -m scripts.bench_page_picture
 
 Needs playwright and a Chromium, as the tests do.
 """
@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import io
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -18,15 +16,10 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from benchmarks.paged import start
+
 OUT = Path(__file__).parents[1] / "docs" / "bench-page.png"
-PLAN = "[pattern]\npitch_px = [24, 16, 12]\nshifts = [4, 2]\n"
-BENCH = """kind = "sim"
-[sim]
-camera_px = [192, 256]
-full_well_e = 20000
-read_noise_e = 5
-real_time = true
-"""
+PLAN = "[pattern]\npitch_px = [24, 16, 12]\nshifts = [6, 4]\n"
 PATIENCE_S = 60.0
 
 
@@ -40,21 +33,10 @@ def until(page: Page, condition: str) -> None:
 
 
 def main() -> None:
-    """Aim, start the plan, and take the picture when some frames were proved."""
+    """Aim, start the plan, and take the picture when a frame stands beside its prediction."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
-        folder = Path(name)
-        (folder / "plan.toml").write_text(PLAN)
-        (folder / "bench.toml").write_text(BENCH)
-        words = ["bench", "plan.toml", "--out", "session", "--bench", "bench.toml", "--quiet"]
-        bench = subprocess.Popen(  # noqa: S603 - this interpreter and this project
-            [sys.executable, "-m", "acquire", *words],
-            cwd=folder,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        out = bench.stdout
-        address = out.readline().split()[-1] if out else ""
+        bench, address = start(Path(name), PLAN, "bench", "--quiet")
         browser = playwright.chromium.launch(
             executable_path=chromium, args=["--headless", "--no-sandbox", "--disable-gpu"]
         )
@@ -62,7 +44,8 @@ def main() -> None:
         page.goto(address)
         until(page, "document.getElementById('camera').dataset.number > 2")
         page.click("#start")
-        until(page, "document.getElementById('proof').textContent.includes('judged')")
+        until(page, "Number(document.getElementById('camera').dataset.step) > 25")
+        until(page, "document.getElementById('how').textContent.includes('complement')")
         time.sleep(1.0)
         picture = Image.open(io.BytesIO(page.screenshot()))
         browser.close()

@@ -238,8 +238,12 @@ class Hub:
         }
 
     async def _develop_newest(self) -> float:
-        """Decode the newest; how long to leave the processor to others."""
+        """Decode the newest; how long to leave the processor to others.
+
+        After a frame of a session at least as long as it took: a capture may run beside.
+        """
         loop = asyncio.get_running_loop()
+        began_s = loop.time()
         arrived, self._arrived = self._arrived, None
         session = self._session
         try:
@@ -259,7 +263,7 @@ class Hub:
         except (LumisplitError, DriverError) as error:
             self._trouble = str(error)
             self._tell_all()
-        return FRAME_EVERY_S
+        return max(FRAME_EVERY_S, loop.time() - began_s)
 
     def _hang(self, picture: Negative, frame: LastFrame | None) -> None:
         """The newest picture: of a frame of the session, or only looked at."""

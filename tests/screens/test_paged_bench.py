@@ -11,13 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquire.bench_file import LabBench
+from acquire.plan_file import parse_plan
+from acquire.rig import Resumption
+from acquire.rig.lab import lab_bench
 from acquire.session import Session
+from drivers.clock import SystemClock
+from drivers.lamp_commands import LampState
 from drivers.protocols import CameraSettings
 from drivers.sim.devices import SimulationConfig, build
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
 from tests.acquire.page.pages import Client
 from tests.acquire.page.programs import Program
+from tests.drivers.projector_ports import Lamp, PjLinkPort
+from tests.drivers.serial_device import Device, connected
 from tests.screens.desk import PROJECTOR, Desk
 
 PLAN = "[pattern]\npitch_px = [16, 24]\nshifts = [2, 2]\n[projector]\nsettle_s = 0.02\n"
@@ -112,3 +120,41 @@ def test_aiming_and_capturing_in_turn_with_one_window(
     assert Session.open(tmp_path / "s").complete
     assert 2 <= len(Session.open(tmp_path / "s-2").frames) < len(Session.open(tmp_path / "s").plan)
     assert shows_desktop(desk)
+
+
+class HastyClock(SystemClock):
+    """A hundred times as fast, for a lamp that cools down for a minute."""
+
+    def now(self) -> float:
+        return 100 * super().now()
+
+
+@pytest.mark.parametrize("captures", [False, True], ids=["only aimed", "captured"])
+def test_the_lamp_goes_off_after_captures_only(
+    desk: Desk, camera: PtpIpServer, captures: bool
+) -> None:
+    lamp = Lamp(HastyClock(), goal=LampState.ON)
+    plan = parse_plan(PLAN, "a test's plan")
+    section = {"commands": "pjlink-serial", "off_afterwards": True, "warm_up_s": 0}
+    with connected(Device(PjLinkPort(lamp).answer, b"\r", {})) as device:
+        bench = lab_bench(
+            LabBench.model_validate(
+                {
+                    "kind": "lab",
+                    "projector": {"monitor": PROJECTOR},
+                    "camera": {"address": f"ptpip:127.0.0.1:{camera.address[1]}"},
+                    "lamp": section | {"port": device.port},
+                }
+            )
+        )
+        assert bench.closes_when_complete
+        with bench.held(plan) as held:
+            with held.aim(Resumption(plan)) as aiming:
+                aiming.projector.show(np.full(desk.projector_px, 255, np.uint8))
+            assert not desk.projector_screen(desk.photograph()).any()
+            if captures:
+                with held.open(Resumption(plan)) as capturing:
+                    assert capturing.projector is aiming.projector
+                    assert capturing.camera is aiming.camera
+            assert lamp.goal is LampState.ON
+        assert lamp.goal is (LampState.OFF if captures else LampState.ON)
