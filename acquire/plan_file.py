@@ -78,6 +78,7 @@ class CalibrationSection(StrictModel):
     response: Path | None = None
     leak: Path | None = None
     latency: Path | None = None
+    geometry: Path | None = None
     board: Path | None = None
 
 

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from acquire.cli.bench import setting_of
 from acquire.page.comparison import compared, small
 from acquire.page.darkroom import CLIPPED, Negative, negative
 from acquire.page.session_tail import SessionTail
+from acquire.page.session_view import SessionView
+from acquire.profile_file import Profile, session_use, write_profile
+from acquire.profile_use import plan_with_profiles
 from acquire.proof.expectation import Expectation, Expected, Places, Small
 from acquire.session import FrameRecord, Session
 from drivers.sim.devices import SimulationConfig, build
@@ -132,6 +136,39 @@ def test_with_a_geometry_the_first_of_a_pitch_is_drawn(folder: Path) -> None:
     errors = np.abs(missed(found, picture)).mean(axis=2) / found.white
     assert np.median(errors) < 0.005
     assert errors.mean() < 0.15
+
+
+def test_the_page_draws_with_the_profile_that_the_plan_names(folder: Path, tmp_path: Path) -> None:
+    session = Session.open(folder)
+    bench = build(SimulationConfig("board", 3, CAMERA_PX, PROJECTOR_PX))
+    row, column = np.moveaxis(bench.projector_coordinates().astype(np.float32), 2, 0)
+    profile = Profile(
+        kind="geometry",
+        measured="now",
+        bench=session.record.bench,
+        camera=session.plan.camera,
+        projector=session.plan.projector,
+        sessions=(session_use(session),),
+        quantities={},
+        versions={},
+    )
+    write_profile(tmp_path / "geometry.json", profile, {"column": column, "row": row})
+    named = PLAN + '[calibration]\ngeometry = "geometry.json"\n'
+    (tmp_path / "plan.toml").write_text(named)
+    plan, files = plan_with_profiles(tmp_path / "plan.toml")
+    bench_found = small_bench(scene="board", camera_px=CAMERA_PX, projector_px=PROJECTOR_PX)
+    setting = setting_of(bench_found, plan, files)
+    (tmp_path / "begun").mkdir()
+    step = first_of(folder, "checker:16:0,0")
+    lines = (folder / "frames.jsonl").read_bytes().splitlines(keepends=True)
+    (tmp_path / "begun" / "frames.jsonl").write_bytes(b"".join(lines[: step + 1]))
+    (tmp_path / "begun" / "frames").symlink_to(folder / "frames")
+    frame = SessionView(tmp_path / "begun", setting).newest()
+    assert frame is not None
+    assert frame.about["step"] == step
+    assert "geometry" in frame.comparison.how
+    assert frame.comparison.rms is not None
+    assert frame.comparison.rms < 0.2
 
 
 def test_a_later_reference_should_be_like_the_first(folder: Path) -> None:
