@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,17 +97,20 @@ def read_truth(path: Path, shape: tuple[int, int]) -> dict[str, Image]:
     return {part: np.asarray(image, np.float32) for part, image in parts.items()}
 
 
-def evaluate(result: Result, truth: dict[str, Image]) -> Evaluation:
-    """Compare every component, and single-pitch max/min beside it, with the truth."""
+def evaluate(
+    result: Result, truth: dict[str, Image], done: Callable[[], object] = lambda: None
+) -> Evaluation:
+    """Compare every component, and single-pitch max/min beside it, with the truth.
+
+    `done` is called after each of the `COMPARISONS`.
+    """
     usable = result.mask == PixelClass.MEASURED
     for image in truth.values():
         usable &= np.isfinite(image).all(axis=-1)
-    rows = [
-        *_named(result, truth, usable),
-        *_assigned(result, truth, usable),
-        *_single_pitch(result, truth, usable),
-        *_two_pitches(result, truth, usable),
-    ]
+    rows: list[Row] = []
+    for compare in COMPARISONS:
+        rows += compare(result, truth, usable)
+        done()
     return Evaluation(
         result.record.method, tuple(rows), int(usable.sum()), int(usable.size - usable.sum())
     )
@@ -188,3 +191,6 @@ def _two_pitches(
         other_px = coarser[best.index].pitch_px
         label = f"{other_px} less {finest.pitch_px} px" if near else f"white less {other_px} px"
         yield Row(part, label, "oracle's pitches", best.error, best.error_after_gains)
+
+
+COMPARISONS = (_named, _assigned, _single_pitch, _two_pitches)

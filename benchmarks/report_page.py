@@ -21,9 +21,10 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import sync_playwright
 
+from acquire.proof.portraits import MOST
 from acquire.remix import write_mix
 from acquire.report import write_report
-from acquire.result import Result, write_record, write_tiff
+from acquire.result import PortraitRecord, ProofRecord, Result, write_record, write_tiff
 from acquire.tone import Tone
 from tests.acquire.browsers import ARGUMENTS, SOFTWARE_GRAPHICS
 from tests.acquire.result_folders import write_result
@@ -68,7 +69,29 @@ def make(folder: Path) -> None:
             os.link(folder / f"{source}.tiff", folder / str(path))
     write_tiff(folder / "mask.tiff", np.zeros(SHAPE, np.uint8))
     changes = {"shape": SHAPE, "deviations": True, "pitches": tuple(pitches)}
+    changes["proof"] = proof(folder, chance)
     write_record(folder, small.record.model_copy(update=changes))
+
+
+def proof(folder: Path, chance: np.random.Generator) -> ProofRecord:
+    """Six frames beside their predictions, all of noise, which packs worst."""
+    (folder / "proof").mkdir()
+    worst = []
+    for step in range(MOST):
+        paths = [f"proof/{kind}-{step:06d}-0.tiff" for kind in ("measured", "predicted")]
+        for path in paths:
+            write_tiff(folder / path, chance.random((170, 256, 3), np.float32))
+        worst.append(
+            PortraitRecord(
+                step=step, attempt=0, pattern="checker:8:0,0", verdict="is noise", is_right=True,
+                how="noise", holds=1.0, miss=0.5, white=1.0, light=1.0, residual=0.0,
+                additivity=0.0, measured=paths[0], predicted=paths[1], shape=(170, 256),
+            )
+        )  # fmt: skip
+    light = tuple(chance.normal(1, 0.01, 830).tolist())
+    return ProofRecord(
+        judged=830, wrong=0, unseen=0, retaken=0, light=light, additivity=light, worst=tuple(worst)
+    )
 
 
 def measured(folder: Path, job: str) -> str:

@@ -128,7 +128,8 @@ def process_command(
             session = Session.open(folder)
             progress = ProgressDisplay(quiet=quiet, verbose=verbose)
             result = _process(session, result_folder, options, progress, cluster, profile or ())
-            report = write_report(result)
+            with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
+                report = write_report(result, progress)
             done.append(
                 {
                     "session": str(folder),
@@ -164,25 +165,36 @@ def evaluate_command(
     folder: Annotated[Path, typer.Argument(metavar="RESULT")],
     truth: Annotated[Path, typer.Option(help="npz with direct, subsurface, interreflection.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Compare a result with the truth, single-pitch max/min beside it."""
-    from acquire.evaluation import evaluate, read_truth
+    from acquire.evaluation import COMPARISONS, evaluate, read_truth
     from acquire.result import Result
 
     result = Result.open(folder)
-    evaluation = evaluate(result, read_truth(truth, result.record.shape))
+    parts = read_truth(truth, result.record.shape)
+    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
+        progress.stage("comparing", len(COMPARISONS))
+        evaluation = evaluate(result, parts, progress.advance)
     if as_json:
         typer.echo(json.dumps(_finite(evaluation), indent=1))
     else:
         _print_table(evaluation)
 
 
-def report_command(folder: Annotated[Path, typer.Argument(metavar="RESULT")]) -> None:
+def report_command(
+    folder: Annotated[Path, typer.Argument(metavar="RESULT")],
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
     """Write the page of a result again."""
     from acquire.report import write_report
     from acquire.result import Result
 
-    typer.echo(f"report: {write_report(Result.open(folder))}")
+    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
+        path = write_report(Result.open(folder), progress)
+    typer.echo(f"report: {path}")
 
 
 def _process(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from acquire.remix import Preset, presets
@@ -16,7 +17,7 @@ from acquire.report.figures import (
     mixing_drawing,
     pca_drawing,
 )
-from acquire.report.live import Live, live_of
+from acquire.report.live import Live, layers_read, live_of
 from acquire.report.pictures import LARGE_PX, SMALL_PX, reduction
 from acquire.report.plates import (
     ComponentPlate,
@@ -96,16 +97,35 @@ class Content:
     small_reduction: int
 
 
-def content_of(result: Result) -> Content:
-    """Read a result folder once and prepare everything that the page shows."""
+def images_read(record: ResultRecord) -> int:
+    """How many times `content_of` tells that it is further."""
+    shown = len(record.components) + len(spread_pitches(record.pitches))
+    return shown + layers_read(record)
+
+
+def content_of(result: Result, done: Callable[[], object] = lambda: None) -> Content:
+    """Read a result folder once and prepare everything that the page shows.
+
+    Parameters
+    ----------
+    result
+        The result.
+    done
+        Called `images_read` times.
+    """
     record = result.record
     measured = measured_pixels(result)
     white = white_plate(result, measured)
     families = tuple(dict.fromkeys(pitch.family for pitch in record.pitches))
-    pitches = tuple(
-        pitch_plate(result, pitch, white, measured, pitch_label(pitch, families))
-        for pitch in spread_pitches(record.pitches)
-    )
+    pitches = []
+    for pitch in spread_pitches(record.pitches):
+        label = pitch_label(pitch, families)
+        pitches.append(pitch_plate(result, pitch, white, measured, label))
+        done()
+    components = []
+    for index in range(len(record.components)):
+        components.append(component_plate(result, index, white, measured))
+        done()
     notes = record.session.source.notes if record.session.source else ()
     told = {caution.text for caution in record.cautions}
     # Notes of earlier versions were one text without an end.
@@ -118,17 +138,14 @@ def content_of(result: Result) -> Content:
         warnings=tuple(warning for warning in record.warnings if warning not in told),
         notes=notes,
         white=white,
-        components=tuple(
-            component_plate(result, index, white, measured)
-            for index in range(len(record.components))
-        ),
-        pitches=pitches,
+        components=tuple(components),
+        pitches=tuple(pitches),
         mask=mask_plate(result, white.gain),
         portraits=portrait_plates(result),
-        live=live_of(result, white.gain),
+        live=live_of(result, white.gain, done),
         presets=presets(record.components),
         key=RGB_LINES,
-        drawings=_drawings(record, white, pitches),
+        drawings=_drawings(record, white, tuple(pitches)),
         redo=_redo(record, result.sha256),
         record=record,
         large_reduction=reduction(record.shape, LARGE_PX),

@@ -12,7 +12,7 @@ import base64
 import json
 import math
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import matplotlib as mpl
@@ -75,11 +75,22 @@ class Live:
     ramp: tuple[str, ...]
 
 
-def live_of(result: Result, display_gain: float) -> Live:
-    """Gather the light of a result for the page, one image in memory at a time."""
+def layers_read(record: ResultRecord) -> int:
+    """How many times `live_of` tells that it is further."""
+    return len(record.components) + len(record.pitches)
+
+
+def live_of(result: Result, display_gain: float, done: Callable[[], object] = lambda: None) -> Live:
+    """Gather the light of a result for the page, one image in memory at a time.
+
+    `done` is called `layers_read` times.
+    """
     record = result.record
     fine, coarse = reduction(record.shape, REMIX_PX), reduction(record.shape, PITCH_PX)
-    components = [reduced(result.component_view(name), fine) for name in record.components]
+    components = []
+    for name in record.components:
+        components.append(reduced(result.component_view(name), fine))
+        done()
     deviations = [
         root_mean_square(result.view(f"deviations/{name}.tiff"), fine)
         for name in record.components
@@ -95,7 +106,7 @@ def live_of(result: Result, display_gain: float) -> Live:
     later = (
         _block("white", [reduced(result.view("white.tiff"), fine)], EXACT_BYTES),
         _block("deviations", deviations, COARSE_BYTES),
-        *_pitch_blocks(result, corrected, coarse),
+        *_pitch_blocks(result, corrected, coarse, done),
     )
     facts = _facts(record, fine, coarse) | {
         "display_gain": display_gain,
@@ -107,12 +118,15 @@ def live_of(result: Result, display_gain: float) -> Live:
     return Live(text, first, later, fine, coarse, signed, uncertain, corrected, ramp)
 
 
-def _pitch_blocks(result: Result, corrected: bool, factor: int) -> Iterator[Block]:
+def _pitch_blocks(
+    result: Result, corrected: bool, factor: int, done: Callable[[], object]
+) -> Iterator[Block]:
     pitches = result.record.pitches
-    directs = [
-        reduced(result.view((corrected and pitch.corrected) or pitch.direct), factor)
-        for pitch in pitches
-    ]
+    directs = []
+    for pitch in pitches:
+        path = (corrected and pitch.corrected) or pitch.direct
+        directs.append(reduced(result.view(path), factor))
+        done()
     yield _block("direct", directs, EXACT_BYTES)
     paths = [pitch.deviation for pitch in pitches if corrected and pitch.deviation]
     errors = (deviation_of_mean(result.view(path), factor) for path in paths)

@@ -8,11 +8,12 @@ import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from acquire.report.content import Content, content_of
+from acquire.report.content import Content, content_of, images_read
 from acquire.result import Result
 from acquire.session.folder import write_durably
 
@@ -46,10 +47,25 @@ class Script:
         return cls(text, f"sha256-{base64.b64encode(digest).decode()}")
 
 
-def write_report(result: Result) -> Path:
+class Observer(Protocol):
+    """Hears of the writing as it goes on."""
+
+    def stage(self, name: str, total: int) -> None:
+        """A stage of `total` units begins."""
+
+    def advance(self) -> None:
+        """One unit of the stage is done."""
+
+
+def write_report(result: Result, observer: Observer | None = None) -> Path:
     """Write report.html into the result folder; the same result gives the same bytes."""
     path = result.folder / PAGE
-    write_durably(path, render(content_of(result)).encode())
+    if observer is None:
+        content = content_of(result)
+    else:
+        observer.stage("writing page", images_read(result.record))
+        content = content_of(result, observer.advance)
+    write_durably(path, render(content).encode())
     return path
 
 

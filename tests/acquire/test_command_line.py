@@ -54,9 +54,8 @@ def test_the_whole_way(desk: Path) -> None:
     assert "report.html" in output
     table = ran(desk, "evaluate", "{desk}/r", "--truth", "{desk}/s/truth.npz")
     assert "direct" in table
-    rows = json.loads(ran(desk, "evaluate", "{desk}/r", "--truth", "{desk}/s/truth.npz", "--json"))[
-        "rows"
-    ]
+    judged = ("evaluate", "{desk}/r", "--truth", "{desk}/s/truth.npz", "--json", "--quiet")
+    rows = json.loads(ran(desk, *judged))["rows"]
     assert {"truth", "estimate", "matching", "error", "error_after_gains"} == set(rows[0])
     (desk / "r" / "report.html").unlink()
     ran(desk, "report", "{desk}/r")
@@ -224,6 +223,42 @@ def test_bash_completes_commands_and_options() -> None:
     assert {"calibrate", "camera", "capture"} <= completed("lumisplit ca")
     assert completed("lumisplit camera ") == {"list", "shoot", "simulate"}
     assert "--page" in completed("lumisplit capture --pa")
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_are_told_the_same(shell: str) -> None:
+    """What their completion scripts ask the program for, as they ask it."""
+
+    def told(words: str) -> str:
+        environment = os.environ | {
+            "_LUMISPLIT_COMPLETE": f"complete_{shell}",
+            "_TYPER_COMPLETE_ARGS": words,
+            "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+        }
+        program = "from acquire.cli.main import app; app(prog_name='lumisplit')"
+        command = [sys.executable, "-c", program]
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, env=environment
+        ).stdout
+
+    said = told("lumisplit ca")
+    assert all(name in said for name in ("calibrate", "camera", "capture"))
+    assert "process" not in said
+    assert "--pitches" in told("lumisplit export r --pi")
+
+
+def test_report_and_evaluate_tell_their_progress(desk: Path) -> None:
+    plan = ("capture", "{desk}/plan.toml", "--bench", "{desk}/bench.toml")
+    ran(desk, *plan, "--out", "{desk}/s", "--quiet")
+    ran(desk, "process", "{desk}/s", "--out", "{desk}/r", "--method", "iva", "--quiet")
+    lines = lumisplit("report", f"{desk}/r", "--verbose").stderr.splitlines()
+    (total,) = (int(line.split()[2]) for line in lines if line.endswith("to do"))
+    assert len([line for line in lines if f" of {total}, " in line]) == total
+    assert any("writing page: done in" in line for line in lines)
+    truth = ("evaluate", f"{desk}/r", "--truth", f"{desk}/s/truth.npz")
+    assert "comparing: 4 of 4, " in lumisplit(*truth, "--verbose").stderr
+    assert lumisplit(*truth, "--quiet").stderr == ""
+    assert lumisplit("report", f"{desk}/r", "--quiet").stderr == ""
 
 
 def test_no_colour_where_it_is_not_wanted() -> None:
