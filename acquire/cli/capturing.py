@@ -20,7 +20,7 @@ from acquire.plan_file import check_fits, example_text
 from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
 from acquire.rig import Bench, find_bench
 from acquire.session import Session
-from acquire.session.verification import happenings, problems
+from acquire.session.verification import clock_jumps, happenings, problems
 from acquire.storage import check_room, free_bytes
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def verify_command(
     verbose: Verbose = False,
 ) -> None:
     """Check every file and every digest of a session, and what its frames show."""
-    from acquire.proof import examine, verdict
+    from acquire.proof import camera_clock_jumps, examine, verdict
 
     if folder.is_file():
         _verify_packed(folder, images=images, as_json=as_json, quiet=quiet)
@@ -167,6 +167,7 @@ def verify_command(
             progress.stage("judging", len(session.frames))
             proofs = list(examine(session, progress.advance))
     wrong = [proof for proof in proofs if proof.is_wrong]
+    befell = [*happenings(session), *camera_clock_jumps(session)]
     state = (
         "complete" if session.complete else f"{len(session.frames)} of {len(session.plan)} frames"
     )
@@ -178,7 +179,7 @@ def verify_command(
                     "complete": session.complete,
                     "frames": len(session.frames),
                     "problems": found,
-                    "runs": list(happenings(session)),
+                    "runs": befell,
                     "wrong_frames": [proof.model_dump(mode="json") for proof in wrong],
                     "figures": [proof.model_dump(mode="json") for proof in proofs],
                     "verdict": list(verdict(session, proofs)) if images else None,
@@ -187,7 +188,7 @@ def verify_command(
             )
         )
     else:
-        for line in [*happenings(session), *found, *(_in_words(session, proof) for proof in wrong)]:
+        for line in [*befell, *found, *(_in_words(session, proof) for proof in wrong)]:
             typer.echo(line)
         for line in verdict(session, proofs) if images and not found else ():
             typer.echo(line)
@@ -244,6 +245,7 @@ def run_capture(
 
     Exits with status 130 when it was asked to stop.
     """
+    from acquire.proof import camera_clock_jumps
     from acquire.recording import record
     from acquire.sequencer import Outcome
 
@@ -260,6 +262,8 @@ def run_capture(
                     plan, bench, out, page, stop, page.pause, keep_unproven=keep_unproven
                 )
     again = len(session.lines) - len(session.frames)
+    for jump in (*clock_jumps(session), *camera_clock_jumps(session)):
+        typer.echo(f"note: {jump}", err=True)
     if as_json:
         typer.echo(json.dumps(_outcome(session, outcome, again), indent=1))
     if outcome is Outcome.STOPPED:

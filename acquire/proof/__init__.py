@@ -6,6 +6,7 @@ of each frame; what is judged, and so what is taken again, depends on the sessio
 whatever interrupted the capture.
 """
 
+from acquire.proof.clocks import camera_clock_jumps
 from acquire.proof.examination import Examination
 from acquire.proof.portraits import keep_portraits
 from acquire.proof.prover import Prover
@@ -21,6 +22,7 @@ __all__ = [
     "FrameSamples",
     "Prover",
     "Unit",
+    "camera_clock_jumps",
     "examine",
     "keep_portraits",
     "proof_of",

@@ -64,7 +64,7 @@ def incidents(session: Session) -> Iterator[str]:
     yield from rest[:MOST_TOLD]
     if len(rest) > MOST_TOLD:
         yield f"{len(rest) - MOST_TOLD} more warnings stand in {session.folder / LOG}."
-    yield from _clocks(session)
+    yield from clock_jumps(session)
 
 
 def _runs(session: Session) -> Iterator[str]:
@@ -89,7 +89,7 @@ def _leftovers(session: Session) -> Iterator[str]:
         yield f"The last line of {session.folder / LINES} is unfinished, {mended}."
 
 
-def _clocks(session: Session) -> Iterator[str]:
+def clock_jumps(session: Session) -> Iterator[str]:
     """Jumps of the host's clock against time that nobody sets."""
     for before, after in pairwise(session.lines):
         if None in (before.finished_s, after.finished_s, before.monotonic_s, after.monotonic_s):
