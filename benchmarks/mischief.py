@@ -72,6 +72,8 @@ def kill(scene: Scene) -> Child:
 def torn_line(scene: Scene) -> Child:
     """Power cut: the next line of frames.jsonl is there in part."""
     child = scene.killed()
+    if child.returncode != KILLED:
+        return child
     with (scene.session / "frames.jsonl").open("ab") as file:
         file.write(
             b'{"step":12345,"pattern":"checker:8:0,0","settings":{"ex'[
@@ -84,6 +86,8 @@ def torn_line(scene: Scene) -> Child:
 def zeros(scene: Scene) -> Child:
     """Power cut: the files that were appended to end in zeros."""
     child = scene.killed()
+    if child.returncode != KILLED:
+        return child
     for name in ("frames.jsonl", "proof.jsonl", "log.jsonl"):
         path = scene.session / name
         if path.exists():
@@ -95,6 +99,8 @@ def zeros(scene: Scene) -> Child:
 def torn_file(scene: Scene) -> Child:
     """Power cut: a part of the next frame's file, and the whole of one without its line."""
     child = scene.killed()
+    if child.returncode != KILLED:
+        return child
     number = lines(scene.session)
     frames = scene.session / "frames"
     (frames / f".{number:06d}.dng.part").write_bytes(scene.chance.randbytes(999))
@@ -108,6 +114,8 @@ def torn_file(scene: Scene) -> Child:
 def lying_disk(scene: Scene) -> Child:
     """Power cut, and the disk had not written the last files that it had confirmed."""
     child = scene.killed()
+    if child.returncode != KILLED:
+        return child
     files = sorted(
         (scene.session / "frames").glob("[0-9]*.dng"), key=lambda path: path.stat().st_mtime_ns
     )

@@ -26,6 +26,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from acquire.proof import read_proofs
 from benchmarks.mischief import DONE, FAULTS, Fault, Scene
 from tests.nursery import Child, Nursery, can_mount
 from tests.processes import lines
@@ -72,7 +73,7 @@ timeouts = 0.01
 """
 DISK_BYTES = 256 << 20
 PROCESSING_LIMIT_S = 1800
-UNSTEADY = {"session.json", "log.jsonl", ".lock"}
+UNSTEADY = {"session.json", "log.jsonl", "proof.jsonl", ".lock"}
 
 
 @dataclass
@@ -179,8 +180,14 @@ def compare(scene: Scene, undisturbed: Path, tally: Tally) -> None:
             tally.failures.append(f"{' '.join(words)}: {child.output}")
             return
     seen = scene.nursery.seen
-    if content(seen(disk / "un" / "session"), UNSTEADY) != content(undisturbed, UNSTEADY):
-        tally.failures.append("the session differs from the undisturbed one")
+    session = seen(disk / "un" / "session")
+    ours, theirs = content(session, UNSTEADY), content(undisturbed, UNSTEADY)
+    odd = sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+    if odd:
+        tally.failures.append(f"the session differs from the undisturbed one: {odd}")
+    # Frames that had to be taken again were judged twice: the last judgement counts.
+    if read_proofs(session) != read_proofs(undisturbed):
+        tally.failures.append("the frames were judged otherwise than in the undisturbed session")
     results = [
         {name: digest for name, digest in content(seen(disk / which)).items() if "tiff" in name}
         for which in ("result", "expected")
