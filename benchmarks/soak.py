@@ -103,8 +103,9 @@ class Tally:
             f"\n{self.frames} frames ({self.exposures} exposures) in {self.starts} runs; "
             f"{self.late} faults came after the last frame and do not count"
         )
+        sys.stdout.flush()
         for failure in self.failures:
-            print(f"FAILED: {failure}")
+            print(f"FAILED: {failure}", flush=True)
 
 
 def content(folder: Path, leave: frozenset[str] | set[str] = frozenset()) -> dict[str, str]:
@@ -219,6 +220,9 @@ def soak(folder: Path, frames: int, seed: int, every: int) -> Tally:
             _one_session(scene, undisturbed, faults, tally)
         finally:
             nursery.close()
+        tally.print()
+        if tally.failures:
+            break
     return tally
 
 
@@ -250,7 +254,6 @@ def main() -> int:
     started_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         tally = soak(Path(folder), given.frames, given.seed, given.every)
-    tally.print()
     print(f"{time.monotonic() - started_s:.0f} s")
     return 1 if tally.failures else 0
 

@@ -24,6 +24,7 @@ from typing import IO, Any
 
 POLL_S = 0.005
 PATIENCE_S = 120.0
+BIRTH_S = 1800.0  # the first waits until the parent has exercised
 APART = ("unshare", "--user", "--map-root-user", "--mount")
 
 
@@ -113,7 +114,7 @@ class Nursery:
         stdin.write(json.dumps(request) + "\n")
         stdin.flush()
         with self._news:
-            assert self._news.wait_for(lambda: len(self._born) >= self._count, 120)
+            assert self._news.wait_for(lambda: len(self._born) >= self._count, BIRTH_S)
             pid = self._born[self._count - 1]
         return Child(pid, output, lambda: self._results.get(pid))
 
