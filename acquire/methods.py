@@ -133,15 +133,21 @@ class Iva:
         resolved = separated.resolved
         n_components = self._n_components or min(PAPERS_COMPONENTS, len(resolved) + 1)
         check_components(len(resolved), n_components, "resolved ")
-        found = decompose_iva(
-            [*open_rows(folder, resolved), separated.white],
-            [*(float(pitch.pitch_px) for pitch in resolved), np.inf],
-            separated.mask == PixelClass.MEASURED,
-            n_components=n_components,
-            n_iterations=self._n_iterations,
-            smoothing_px=self._smoothing_px,
-            progress=told,
-        )
+        try:
+            found = decompose_iva(
+                [*open_rows(folder, resolved), separated.white],
+                [*(float(pitch.pitch_px) for pitch in resolved), np.inf],
+                separated.mask == PixelClass.MEASURED,
+                n_components=n_components,
+                n_iterations=self._n_iterations,
+                smoothing_px=self._smoothing_px,
+                progress=told,
+            )
+        except ValueError as error:
+            raise StackError(
+                f"Independent vector analysis finds nothing to hold on to here: {error}. The "
+                "direct and global images of single pitches need no decomposition."
+            ) from error
         return Components(
             images=dict(zip(found.names, found.components, strict=True)),
             deviations={},
