@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _LEAST_DIRECT = 0.2
 # In finest pitches: where the imaginary part is taken, and up to where light counts as near.
 _LEAN_FROM, _LEAN_TO, _NEAR = 1.5, 5.0, 6.0
+_SECOND = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,8 @@ class NearLight:
         (n,): variance a side of the blur beyond the one corrected for, in projector pixels
         squared, that would explain the ratio of the two finest pitches.
     lost
-        (n,): what D loses from six finest pitches to one, relative to white.
+        (2, n): what D loses from six finest pitches to one, and to two, relative to white. An
+        error of the blur bends the latter a quarter as much.
     lean
         (2, n): mean imaginary part of q along both diagonals, relative to white.
     """
@@ -87,8 +89,10 @@ class NearLight:
         excess = unknown if len(pitches) < 2 else _excess(rows[0], rows[1], pitches[:2])
         middle = (pitch_px[near] >= _LEAN_FROM * finest) & (pitch_px[near] <= _LEAN_TO * finest)
         if middle.sum() < 2 or not varies.all():
-            return cls(excess, unknown, np.stack([unknown, unknown]))
-        return cls(excess, rows[-1] - rows[0], share[:, middle].imag.mean(axis=1).T)
+            return cls(excess, np.stack([unknown] * 2), np.stack([unknown] * 2))
+        second = rows[int(np.argmax(pitches >= _SECOND * finest))]
+        lost = rows[-1] - np.stack([rows[0], second])
+        return cls(excess, lost, share[:, middle].imag.mean(axis=1).T)
 
 
 def _excess(finest: Array, next_finest: Array, pitch_px: Array) -> Array:

@@ -197,13 +197,13 @@ class Signs:
         self.told = told
         # Relative to white: half precision is more than they are good for.
         self.excess_px2 = np.full(shape, np.nan, np.float16)
-        self.lost = np.full(shape, np.nan, np.float16)
+        self.lost = np.full((2, *shape), np.nan, np.float16)
         self.lean = np.full((2, *shape), np.nan, np.float16)
 
     def add(self, lines: slice, chosen: NDArray[np.bool_], found: NearLight) -> None:
         """Take in the pixels of some lines, as for `RivalFits.add`."""
         self.excess_px2[lines][chosen] = np.clip(found.excess_px2, -_MOST_PX2, _MOST_PX2)
-        self.lost[lines][chosen] = np.clip(found.lost, -1, 1)
+        self.lost[:, lines][:, chosen] = np.clip(found.lost, -1, 1)
         self.lean[:, lines][:, chosen] = np.clip(found.lean, -1, 1)
 
     def unsharp(self, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -222,15 +222,17 @@ class Signs:
         found: NDArray[np.bool_] = mean > typical + _UNSHARP * chance
         return found | ~known
 
-    def symmetric(self, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Where light of short range is missing at fine pitches that came from all sides alike."""
-        known = counted & np.isfinite(self.lost)
+    def symmetric(self, counted: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+        """Where light of short range is missing at fine pitches that came from all sides alike.
+
+        Once down to the finest pitch, once to twice that, where no error of the blur is as large.
+        """
+        known = counted & np.isfinite(self.lost[0])
         side = _NEIGHBOURHOOD_PX[0]
-        lost = _local_mean(_held(self.lost, known), known, side)
         leans = [_local_mean(_held(one, known), known, side) for one in self.lean]
         lean = np.sqrt(np.mean(np.square(leans), axis=0))
-        found: NDArray[np.bool_] = known & (lost > _LEAST_LOST) & (lean < _MOST_LEAN * lost)
-        return found
+        losses = (_local_mean(_held(one, known), known, side) for one in self.lost)
+        return [known & (lost > _LEAST_LOST) & (lean < _MOST_LEAN * lost) for lost in losses]
 
 
 def _held(values: NDArray[np.float16], known: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -281,7 +283,8 @@ def translucent_map(
     weak = narrow > _WEAK_EVIDENCE * told
     if near is not None:
         unsharp = near.unsharp(counted)
-        symmetric = near.symmetric(counted) & unsharp
+        fine, coarse = near.symmetric(counted)
+        symmetric = (fine & unsharp) | coarse
         strong = (strong & unsharp) | symmetric
         weak |= symmetric
     found = weak & _opened(strong | ~usable, least_px / 2)
