@@ -340,51 +340,49 @@ def _estimate(
     measured = kinds.size > kinds.shape[-1]
     step = lattice_step(white.shape) if measured else max(white.shape)
     half = np.hypot(correction.half, _KIND_SPREAD) if measured else correction.half
+    # Both of an entry side by side: they are looked up together, all over the tables.
+    tables = np.stack([correction.middle, half], axis=-1).astype(np.float32)
     _correct(
-        direct_light, white, kinds, step, extrema, noise.constant, noise.slope, correction.middle,
-        half, 1 / STEP, leak, gain, estimated, deviation,
+        direct_light, white, kinds, step, extrema, noise.constant, noise.slope, tables, 1 / STEP,
+        leak, gain, estimated, deviation,
     )  # fmt: skip
     return Estimate(estimated, deviation)
 
 
-@njit(cache=True)
-def _look_up(middle, half, per_step, ratio):  # type: ignore[no-untyped-def]
-    """Middle and half width at a ratio, linear between entries."""
-    at = max(ratio, 0.0) * per_step
-    last = len(middle) - 1
-    if at >= last:
-        return middle[last] + (at - last) / per_step, half[last]
-    index = int(at)
-    part = at - index
-    return (
-        middle[index] * (1 - part) + middle[index + 1] * part,
-        half[index] * (1 - part) + half[index + 1] * part,
-    )
+@njit(cache=True, error_model="numpy")
+def _look_up(table, at):  # type: ignore[no-untyped-def]
+    """Middle and half width, linear between entries."""
+    last = len(table) - 1
+    index = min(int(at), last - 1)
+    part = min(at - index, 1.0)
+    middle = table[index, 0] + part * (table[index + 1, 0] - table[index, 0])
+    half = table[index, 1] + part * (table[index + 1, 1] - table[index, 1])
+    return middle, half, max(at - last, 0.0)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, error_model="numpy")
 def _correct(  # type: ignore[no-untyped-def]
-    direct, white, kinds, step, extrema, constant, slope, middle, half, per_step, leak, gain,
+    direct, white, kinds, step, extrema, constant, slope, tables, per_step, leak, gain,
     estimated, deviation,
 ):  # fmt: skip
     height, width, colours = direct.shape
     for y in prange(height):
         for x in range(width):
             for c in range(colours):
-                kind = kinds[y // step, x // step, c]
+                table = tables[kinds[y // step, x // step, c]]
                 # The plain reading of the pattern alone; light halfway between lit and dark.
-                reading = direct[y, x, c] * (1 - leak)
+                reading = max(direct[y, x, c] * (1 - leak), 0.0) * per_step
                 level = 0.5 * (1 + leak) * white[y, x, c]
                 lit = dark = max(constant[c] + slope[c] * max(level, 0.0), 1e-30)
                 if extrema:
                     one = np.sqrt(lit)
-                    first, _ = _look_up(middle[kind], half[kind], per_step, reading / one)
-                    swing = 0.5 * max(first * one, 0.0)
+                    first, _, beyond = _look_up(table, reading / one)
+                    swing = 0.5 * max((first + beyond / per_step) * one, 0.0)
                     lit = max(constant[c] + slope[c] * max(level + swing, 0.0), 1e-30)
                     dark = max(constant[c] + slope[c] * max(level - swing, 0.0), 1e-30)
                 one = 0.5 * (np.sqrt(lit) + np.sqrt(dark)) * gain
-                found, width_ = _look_up(middle[kind], half[kind], per_step, reading / one)
+                found, width_, beyond = _look_up(table, reading / one)
                 # Errors of the two extrema add up in squares, their biases as they are.
                 error = gain * np.sqrt(0.5 * (lit + dark)) / (1 - leak)
-                estimated[y, x, c] = found * one / (1 - leak)
+                estimated[y, x, c] = (found + beyond / per_step) * one / (1 - leak)
                 deviation[y, x, c] = width_ * error
