@@ -15,7 +15,6 @@ from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay
 from acquire.plan import Plan
 from acquire.plan_file import check_fits
-from acquire.profile_use import check_profiles, plan_with_profiles
 from acquire.rig import Bench, find_bench
 
 if TYPE_CHECKING:
@@ -56,6 +55,7 @@ def bench_command(
 ) -> None:
     """Aim, focus and capture from a page in the browser, until Ctrl-C."""
     from acquire.page.bench import Job, PagedBench
+    from acquire.profile_use import check_profiles, plan_with_profiles
     from acquire.recording import described
 
     bench = find_bench(bench_name, monitor)

@@ -17,7 +17,6 @@ from acquire.cli.progress import ProgressDisplay, tell
 from acquire.errors import PlanError, SessionError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
-from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
 from acquire.rig import Bench, find_bench
 from acquire.session import Session
 from acquire.session.verification import clock_jumps, happenings, problems
@@ -68,6 +67,8 @@ def plan_command(
         return
     if plan_path is None:
         raise PlanError("Name a plan, or `lumisplit plan --example` to print one.")
+    from acquire.profile_use import plan_with_profiles
+
     plan, _ = plan_with_profiles(plan_path)
     bench = find_bench(bench_name)
     check_fits(plan, bench.resolution, bench.name)
@@ -97,6 +98,7 @@ def capture_command(
     verbose: Verbose = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
+    from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
     from acquire.recording import described
 
     (plan, profiles), bench = plan_with_profiles(plan_path), find_bench(bench_name)
