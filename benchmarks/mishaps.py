@@ -20,6 +20,7 @@ from drivers.sim.sensor import exposure_gain
 # Mishaps of the simulated bench itself, and those that are added here: the picture before, with
 # fresh noise; the next one of the plan; any one of the plan; a mixture of the picture before and
 # the right one; the right one drawn over black down to some row; a white window over part of it.
+COMMON = ("late", "dropped", "swapped")
 OF_THE_BENCH = ("late", "dropped", "swapped", "torn")
 ADDED = ("repeated", "ahead", "stray", "blended", "cut", "overlay")
 KEY = (7,)

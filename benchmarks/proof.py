@@ -1,6 +1,6 @@
 """Frames that the proof finds, misses and accuses, against what the simulated bench really showed.
 
-    python -m benchmarks.proof --first 1 --trials 100
+    python -m benchmarks.proof --first 1 --trials 100 [--rate 0.01]
 
 Captures random sessions (`benchmarks.trials`) through the sequencer, as `lumisplit capture` does,
 with frames that show something else (`benchmarks.mishaps`). The bench notes for every exposure
@@ -121,10 +121,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--rate", type=float, help="late, dropped and swapped frames alone, each")
     options = parser.parse_args()
     started = time.perf_counter()
     total: list[Count] = []
-    trials = [trial(seed) for seed in range(options.first, options.first + options.trials)]
+    seeds = range(options.first, options.first + options.trials)
+    trials = [trial(seed, options.rate) for seed in seeds]
     with ProcessPoolExecutor(options.workers) as pool:
         for text, counts in pool.map(told, trials):
             print(text, flush=True)

@@ -11,7 +11,7 @@ from acquire.bench_file import SimSection
 from acquire.errors import PlanError
 from acquire.plan import Plan
 from acquire.plan_file import parse_plan
-from benchmarks.mishaps import OF_THE_BENCH
+from benchmarks.mishaps import COMMON, OF_THE_BENCH
 
 SCENES = ("corner", "groove", "board")
 SIZES_PX = (((48, 64), (144, 192)), ((64, 96), (192, 256)), ((96, 96), (192, 256)))
@@ -34,7 +34,7 @@ class Trial:
     plan, section
         What to show, and on which bench.
     rate
-        Probability of each kind of mishap for each exposure.
+        Probability of each mishap in `benchmarks.mishaps.ADDED` for each exposure.
     noise
         Standard deviation at full scale, of shots and of the read-out, in parts of it.
     """
@@ -57,12 +57,15 @@ class Trial:
             f"gamma {section.gamma:.1f}, ambient {section.ambient:.0%}, black "
             f"{section.black_level:.1%}, moved {section.move_px:.1f} px, "
             f"{lamp} "
-            f"at {self.plan.camera.exposure_s} s; {self.rate:.1%} each"
+            f"at {self.plan.camera.exposure_s} s; {section.late:.1%} each"
         )
 
 
-def trial(seed: int) -> Trial:
-    """Draw a session."""
+def trial(seed: int, rate: float | None = None) -> Trial:
+    """Draw a session.
+
+    With a `rate`, only frames that are late, dropped or swapped go wrong, each at that rate.
+    """
     chance = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(11,)))
     camera_px, projector_px = SIZES_PX[chance.integers(len(SIZES_PX))]
     exposure_s = float(chance.choice(EXPOSURES_S))
@@ -72,7 +75,7 @@ def trial(seed: int) -> Trial:
         with suppress(PlanError):  # a plan that cannot be measured is refused: draw again
             text = _plan_text(chance, projector_px, exposure_s, gamma)
             plan = parse_plan(text, f"trial {seed}")
-    rate = float(chance.choice([0.002, 0.005, 0.01]))
+    drawn = float(chance.choice([0.002, 0.005, 0.01]))
     noise = float(chance.uniform(0.001, 0.02)), float(chance.uniform(0, 0.01))
     range_e = 1 / noise[0] ** 2
     iso = plan.camera.iso or 200
@@ -90,9 +93,9 @@ def trial(seed: int) -> Trial:
         flicker=_sometimes(chance, chance.uniform(0, 0.3)),
         ambient=_sometimes(chance, chance.uniform(0, 0.2)),
         move_px=_sometimes(chance, chance.uniform(0, 0.5)),
-        **dict.fromkeys(OF_THE_BENCH, rate),
+        **dict.fromkeys(OF_THE_BENCH, drawn) if rate is None else dict.fromkeys(COMMON, rate),
     )
-    return Trial(seed, plan, section, rate, noise)
+    return Trial(seed, plan, section, drawn if rate is None else 0.0, noise)
 
 
 def _plan_text(

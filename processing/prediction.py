@@ -128,7 +128,8 @@ def predict(
     contrast = _contrast(values - middle, covariance, trusted, float(variance.mean()))
     nugget = max(float(variance.mean()) / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
     weights, explained = _weights(covariance, trusted, nugget)
-    gains = _gains(values, middle, weights, complements(covariance))
+    pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
+    gains = _gains(values, middle, weights, pairs)
     if not is_anchored and trusted.any():
         gains = gains / np.median(gains[trusted])
     values /= gains[:, np.newaxis]
@@ -222,7 +223,8 @@ def _gains(values: Array, mean: Array, weights: Array, pairs: list[tuple[int, in
     """Light of each frame against the mean, (frames,): medians over places that it lights.
 
     Where a frame is the brighter one of a pair, f_k/g_k = 2m − f_k'/g_k'. The median stands frames
-    that are wrong at less than half of these places.
+    that are wrong at less than half of these places. Beside pairs, single frames have their usual
+    light: predictions that are not exact are no measure of it.
     """
     gains = np.ones(len(values))
     members = [k for pair in pairs for k in pair]
@@ -232,9 +234,10 @@ def _gains(values: Array, mean: Array, weights: Array, pairs: list[tuple[int, in
                 lit = values[k] > values[other]
                 due = 2 * mean - values[other] / gains[other]
                 gains[k] = _ratio(values[k], due, lit & (due > mean))
+        usual = float(np.median(gains[members])) if members else None
         for k in sorted(set(range(len(values))) - set(members)):
             due = mean + weights[k] @ (values / gains[:, np.newaxis] - mean)
-            gains[k] = _ratio(values[k], due, due > mean)
+            gains[k] = _ratio(values[k], due, due > mean) if usual is None else usual
     return gains
 
 

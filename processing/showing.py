@@ -163,6 +163,10 @@ class _Court:
         if not suspects:
             return False
         cases = {k: self._case(k) for k in suspects}
+        # Of a pair that does not agree one is wrong; else right is right if it is the likelier.
+        suspects = [k for k in suspects if self.exact[k] or cases[k].evidence > 0]
+        if not suspects:
+            return False
         first = max(suspects, key=lambda k: cases[k].evidence)
         self.trusted[first] = False
         self.accused[first] = self._named(first, cases[first])
@@ -175,7 +179,10 @@ class _Court:
 
     def judgements(self) -> tuple[Judgement, ...]:
         """Of every frame; those accused are acquitted where the others clearly predict them."""
-        found = list(self.found)
+        found = [
+            Finding.OWN if trusted and finding in _UNSPECIFIC else finding
+            for finding, trusted in zip(self.found, self.trusted, strict=True)
+        ]
         for k, finding in self.accused.items():
             clear = self.predicted.explained[k] > CLEAR_FROM
             if found[k] is not Finding.OWN or not clear:

@@ -17,6 +17,9 @@ from processing.references import Reference, at_once, both_show, later_reference
 from processing.registration import movement
 from processing.showing import COMPUTED_NOISE
 
+# Light of a frame that shows white, in parts of the sensor's range.
+BRIGHT_FROM = 0.1
+
 
 class Examination:
     """Judges units of a plan from the samples of their frames.
@@ -113,10 +116,11 @@ class Examination:
         white, black = (self._exposures[step].samples for step in firsts if step is not None)
         both = WhiteBlack(white, black)
         if not both_show(white.grid.ravel(), black.grid.ravel(), both.noise):
+            # Where both are dark it is likelier white that is wrong, where both are bright black.
+            likelier = firsts[0] if float(white.grid.mean()) < BRIGHT_FROM else firsts[1]
+            findings = dict.fromkeys(firsts, Finding.DOUBTFUL) | {likelier: Finding.OTHER}
             return tuple(
-                plain_proof(
-                    self._exposures[step], Finding.OTHER if step in firsts else Finding.UNSEEN
-                )
+                plain_proof(self._exposures[step], findings.get(step, Finding.UNSEEN))
                 for step in unit.steps
             )
         return tuple(self._reference(step, both) for step in unit.steps)
