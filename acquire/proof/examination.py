@@ -17,8 +17,8 @@ from processing.references import Reference, at_once, both_show, later_reference
 from processing.registration import movement
 from processing.showing import COMPUTED_NOISE
 
-# Light of a frame that shows white, in parts of the sensor's range.
-BRIGHT_FROM = 0.1
+# Light that a frame of white has and one of black has not, in parts of the sensor's range.
+BRIGHT_FROM = 0.2
 
 
 class Examination:
@@ -117,7 +117,9 @@ class Examination:
         both = WhiteBlack(white, black)
         if not both_show(white.grid.ravel(), black.grid.ravel(), both.noise):
             # Where both are dark it is likelier white that is wrong, where both are bright black.
-            likelier = firsts[0] if float(white.grid.mean()) < BRIGHT_FROM else firsts[1]
+            is_dark = float(white.grid.mean()) < BRIGHT_FROM
+            again = firsts[1] is not None and self._exposures.is_repeated(firsts[1])
+            likelier = firsts[0] if is_dark and not again else firsts[1]
             findings = dict.fromkeys(firsts, Finding.DOUBTFUL) | {likelier: Finding.OTHER}
             return tuple(
                 plain_proof(self._exposures[step], findings.get(step, Finding.UNSEEN))
