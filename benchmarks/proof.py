@@ -127,6 +127,8 @@ def main() -> None:
     total: list[Count] = []
     seeds = range(options.first, options.first + options.trials)
     trials = [trial(seed, options.rate) for seed in seeds]
+    # One after the other on the same scene, whose light transport is computed once.
+    trials.sort(key=lambda one: (one.section.scene, one.section.camera_px))
     with ProcessPoolExecutor(options.workers) as pool:
         for text, counts in pool.map(told, trials):
             print(text, flush=True)

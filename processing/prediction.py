@@ -123,17 +123,18 @@ def predict(
     if covariance.shape != (len(frames), len(frames)) or trusted.shape != (len(frames),):
         raise ValueError(f"{len(frames)} frames, but R {covariance.shape}, trust {trusted.shape}")
     values = frames.astype(np.float64)
-    middle, is_anchored = _middle(values, covariance, trusted, anchor)
+    middle = _middle(values, covariance, trusted, anchor)
     variance = noise.at(middle)
     contrast = _contrast(values - middle, covariance, trusted, float(variance.mean()))
     nugget = max(float(variance.mean()) / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
     weights, explained = _weights(covariance, trusted, nugget)
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
-    gains = _gains(values, middle, weights, pairs)
-    if not is_anchored and trusted.any():
+    # The mean of frames of unequal light knows less of it than white.
+    gains = _gains(values, middle if anchor is None else anchor, weights, pairs)
+    if anchor is None and trusted.any():
         gains = gains / np.median(gains[trusted])
     values /= gains[:, np.newaxis]
-    middle, _ = _middle(values, covariance, trusted, anchor)
+    middle = _middle(values, covariance, trusted, anchor)
     deviations = values - middle
     contrast = _contrast(deviations, covariance, trusted, float(variance.mean()))
     left = contrast * np.diag(covariance) * (1 - explained)
@@ -185,18 +186,20 @@ def _middle(
     covariance: Array,
     trusted: NDArray[np.bool_],
     anchor: Array | None,
-) -> tuple[Array, bool]:
-    """m, and whether it is that of white and black."""
+) -> Array:
+    """m, of white and black or of the frames."""
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
     if len(pairs) >= FEWEST_PAIRS:
         sums = np.stack([frames[first] + frames[second] for first, second in pairs])
         # The median stands a minority of wrong pairs.
-        return np.median(sums, axis=0) / 2, False
+        typical: Array = np.median(sums, axis=0) / 2
+        return typical
     if anchor is not None:
-        return anchor, True
+        return anchor
     members = [k for pair in pairs for k in pair] or list(np.flatnonzero(trusted))
     members = members or list(range(len(frames)))
-    return frames[members].mean(axis=0), False
+    total: Array = frames[members].mean(axis=0)
+    return total
 
 
 def _contrast(

@@ -129,7 +129,6 @@ class PatternFrames:
     def _figures(self, judgements: Sequence[Judgement]) -> list[FrameProof]:
         references, steps = self._references, self._unit.steps
         unlit = None if references is None else figure(references.unlit)
-        scale = self._scale()
         partner = dict(self._pairs) | {second: first for first, second in self._pairs}
         agree = not any(judgement.is_wrong for judgement in judgements)
         proofs: list[FrameProof] = []
@@ -143,7 +142,7 @@ class PatternFrames:
             proofs.append(
                 plain_proof(self._exposures[step], one.finding).model_copy(
                     update={
-                        "light": figure(one.gain * scale),
+                        "light": figure(one.gain),
                         "change": figure(one.change),
                         "residual": figure(one.residual),
                         "additivity": None if other is None else self._additivity(k, other),
@@ -153,16 +152,6 @@ class PatternFrames:
                 )
             )
         return proofs
-
-    def _scale(self) -> float:
-        """Light of the typical frame against white and black, where it is not known by gains."""
-        if self._references is None or len(self._pairs) < 3:
-            return 1.0
-        lit, both = self._lit, self._references
-        dark = both.black.grid[lit].astype(np.float64)
-        mean = (both.white.grid[lit] - dark).mean() / 2
-        levels = (self._grids[:, lit] - dark).mean(axis=1)
-        return float(np.median(levels) / mean) if mean > 0 else 1.0
 
     def _additivity(self, k: int, other: int) -> float | None:
         if self._references is None:
