@@ -2,13 +2,13 @@
 
 The residual r of a right frame has the mean square
 
-    ⟨r²⟩ = v (1 + Σ w²) + u
+    ⟨r²⟩ = v (1 + Σ w² + (1 − Σ w)² μ) + u
 
-in every part of the picture: v the noise of a frame, w the weights of its prediction and u the
-variance that the prediction leaves, place by place (`processing.prediction`,
-`processing.phases`). In a part that shows something else, ⟨r²⟩ exceeds this by the local contrast C
-times the mean square of the difference of the two codes, which is between 0.2 and 4 for any two
-patterns worth showing.
+in every part of the picture: v the noise of a frame, w the weights of its prediction, μ v the
+variance of the mean, and u the variance that the prediction leaves, place by place
+(`processing.prediction`, `processing.phases`). In a part that shows something else, ⟨r²⟩ exceeds
+this by the local contrast C times the mean square of the difference of the two codes, which is
+between 0.2 and 4 for any two patterns worth showing.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def _shares(
 
     Of the places whose prediction is certain.
     """
-    gain = 1 + np.sum(predicted.weights**2, axis=1)
+    gain = predicted.noise_gain
     counts = parts.sums(certain.astype(np.float64))
     usable = counts >= np.maximum(FEWEST_PLACES, LEAST_PLACES * _looked_at(predicted, parts))
     sizes = np.maximum(counts, 1)

@@ -57,6 +57,8 @@ class Predictions:
         (frames,): lamp and exposure against the mean.
     noise
         (n,): variance of a frame's noise where its light is m.
+    noise_gain
+        (frames,): variance of a residual's noise in parts of that, at least 1.
     contrast
         Mean square of the deviations of a pattern with |2c − 1| = 1, noise taken off; ≥ 0.
     """
@@ -69,6 +71,7 @@ class Predictions:
     unexplained: Array
     gains: Array
     noise: Array
+    noise_gain: Array
     contrast: float
 
     def expected(self, k: int) -> Array:
@@ -147,6 +150,7 @@ def predict(
         unexplained=np.repeat(left[:, np.newaxis], values.shape[1], axis=1),
         gains=gains,
         noise=variance,
+        noise_gain=_noise_gain(weights, len(pairs), anchor is not None),
         contrast=contrast,
     )
 
@@ -191,6 +195,8 @@ def _middle(
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
     if len(pairs) >= FEWEST_PAIRS:
         sums = np.stack([frames[first] + frames[second] for first, second in pairs])
+        if anchor is not None:
+            sums = np.concatenate([sums, 2 * anchor[np.newaxis], 2 * anchor[np.newaxis]])
         # The median stands a minority of wrong pairs.
         typical: Array = np.median(sums, axis=0) / 2
         return typical
@@ -220,6 +226,17 @@ def _weights(covariance: Array, trusted: NDArray[np.bool_], nugget: float) -> tu
         others[k] = False
         weights[k], explained[k] = weights_for(k, covariance, others, nugget)
     return weights, explained
+
+
+def _noise_gain(weights: Array, n_pairs: int, is_anchored: bool) -> Array:
+    """1 + Σ w² + (1 − Σ w)² μ, with μ v the variance of m.
+
+    The median of p sums of two frames, half of it taken, has μ = π/(4 p), half of white ½.
+    """
+    few = 0.5 if is_anchored else 0.0
+    mean = np.pi / (4 * n_pairs) if n_pairs >= FEWEST_PAIRS else few
+    gain: Array = 1 + np.sum(weights**2, axis=1) + (1 - weights.sum(axis=1)) ** 2 * mean
+    return gain
 
 
 def _gains(values: Array, mean: Array, weights: Array, pairs: list[tuple[int, int]]) -> Array:

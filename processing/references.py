@@ -160,11 +160,16 @@ def contradicted(
                 usable & (parts.means(excess) > power + certain * 2 * parts.means(noise.at(near)))
             ):
                 found.add(one)
-    if not found and len(pairs) >= FEWEST_PAIRS:
-        sums = np.median([frames[i].astype(np.float64) + frames[j] for i, j in pairs], axis=0)
-        both = white.astype(np.float64) + black
-        if _differs(both, sums, float(2 * noise.at(sums / 2).mean())) > WHITE_DIFFERS:
-            found |= {Reference.WHITE, Reference.BLACK}
+    if found or len(pairs) < FEWEST_PAIRS:
+        return found
+    sums = np.stack([frames[i].astype(np.float64) + frames[j] for i, j in pairs])
+    typical = np.median(sums, axis=0)
+    variance = float(2 * noise.at(typical / 2).mean())
+    # Pairs that agree with each other cannot all be wrong.
+    agree = sum(_differs(one, typical, variance) < WHITE_DIFFERS for one in sums)
+    both = white.astype(np.float64) + black
+    if agree >= FEWEST_PAIRS and _differs(both, typical, variance) > WHITE_DIFFERS:
+        found = {Reference.WHITE, Reference.BLACK}
     return found
 
 

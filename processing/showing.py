@@ -132,7 +132,7 @@ class _Court:
     def _by_phases(self, linear: Predictions) -> Predictions:
         """The predictions, by phases where the others do not predict a frame exactly."""
         residuals, unexplained = linear.residuals.copy(), linear.unexplained.copy()
-        explained, weights = linear.explained.copy(), linear.weights.copy()
+        explained, noise_gain = linear.explained.copy(), linear.noise_gain.copy()
         for k in np.flatnonzero(~self.exact):
             believed = self.trusted.copy()
             believed[k] = False
@@ -144,13 +144,13 @@ class _Court:
             power = linear.contrast * float(self.kind.covariance[k, k])
             known = left[np.isfinite(left)] / max(power, 1e-30)
             explained[k] = 1 - float(np.mean(np.minimum(known, 1))) if known.size else 0.0
-            weights[k] = 0
+            noise_gain[k] = 1
         return replace(
             linear,
             residuals=residuals,
             unexplained=unexplained,
             explained=explained,
-            weights=weights,
+            noise_gain=noise_gain,
         )
 
     def accuse(self) -> bool:
