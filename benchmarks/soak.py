@@ -31,31 +31,7 @@ from benchmarks.mischief import DONE, FAULTS, Fault, Scene
 from tests.nursery import Child, Nursery, can_mount
 from tests.processes import lines
 
-PITCHES = (
-    8,
-    12,
-    16,
-    20,
-    24,
-    28,
-    32,
-    36,
-    40,
-    44,
-    48,
-    52,
-    56,
-    60,
-    64,
-    68,
-    72,
-    76,
-    80,
-    84,
-    88,
-    92,
-    96,
-)
+PITCHES = tuple(range(8, 100, 4))
 SHIFTS = 36
 MOST_FRAMES = 830
 BENCH = """kind = "sim"
