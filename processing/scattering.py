@@ -293,19 +293,6 @@ def translucent_map(
     return usable & found
 
 
-def _unsharp(excess_px2: NDArray[np.float32], counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where the mean over 5 × 5 pixels exceeds the most frequent one by more than chance."""
-    known = counted & np.isfinite(excess_px2)
-    if not known.any():
-        return np.ones(counted.shape, bool)
-    mean = _local_mean(np.where(known, excess_px2, 0).astype(np.float64), known, 5)
-    typical = shorth(mean[known])
-    sharper = typical - mean[known & (mean < typical)]
-    chance = float(np.sqrt(np.mean(sharper**2))) if sharper.size else 0.0
-    found: NDArray[np.bool_] = mean > typical + _UNSHARP * chance
-    return found | ~known
-
-
 def _local_mean(
     values: NDArray[np.float64], usable: NDArray[np.bool_], side: int
 ) -> NDArray[np.float64]:

@@ -11,7 +11,6 @@ from acquire import bag
 from acquire.cli.capturing import Quiet
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import SessionError
-from acquire.result import Result
 from acquire.session import Session
 from acquire.session.verification import problems
 
@@ -29,6 +28,8 @@ def pack_command(
     quiet: Quiet = False,
 ) -> None:
     """Put a session, and a result, into one file (BagIt in a ZIP) that others can verify."""
+    from acquire.result import Result
+
     session = Session.open(folder)
     if session.is_being_written:
         raise SessionError(f"{folder} is being captured: wait for its end. Nothing was packed.")
