@@ -53,7 +53,8 @@ def footprints(
     surface = _mean_over(slopes, sound)
     product = np.einsum("iahw,jahw->ijhw", np.where(sound, slopes, surface), surface)
     tensor = np.stack([product[0, 0], product[1, 1], (product[0, 1] + product[1, 0]) / 2])
-    lost = ~((tensor[0] > 0) & (tensor[1] > 0))
+    # Patterns that vary in one direction leave the other at 0.
+    lost = ~((tensor[0] >= 0) & (tensor[1] >= 0) & (tensor[0] + tensor[1] > 0))
     tensor[:, lost] = np.array([0.5, 0.5, 0.0])[:, np.newaxis] * typical
     return tensor
 
