@@ -45,10 +45,10 @@ from processing.metrics import (
 from processing.optics import Sample, measured_blur, tables_for
 from processing.patterns import Family
 from processing.range_decomposition import RangeDecomposition
-from processing.range_fit import slopes
 from processing.ranges import decompose_ranges
 from processing.response import BINS_PER_PX, ResponseTables
 from processing.separation import ExtremaSeparation
+from processing.slopes import slopes
 
 Image = NDArray[np.float32]
 

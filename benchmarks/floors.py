@@ -43,10 +43,11 @@ from processing.blur import Blur
 from processing.footprints import footprints
 from processing.metrics import errors_of, oracle, relative_error
 from processing.optics import noise_lines, tables_for
-from processing.range_fit import fit_places, slope_noise_gain
+from processing.range_fit import fit_places
 from processing.ranges import decompose_ranges
 from processing.response import ResponseTables
 from processing.scattering import RivalFits
+from processing.slopes import slope_noise_gain
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]

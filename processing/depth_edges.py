@@ -21,8 +21,8 @@ from scipy import ndimage
 
 from processing.correspondence import decode_residual, refined
 from processing.harmonics import PitchDesign
-from processing.range_fit import look_up, model_errors
 from processing.response import ResponseTables
+from processing.slopes import look_up, model_errors
 from processing.spectrum import solve_spectrum
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Setting:
     tables
         Of each colour.
     noise_gains
-        (pitches,), see `processing.range_fit.slope_noise_gain`.
+        (pitches,), see `processing.slopes.slope_noise_gain`.
     """
 
     designs: Sequence[PitchDesign]

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from processing.range_fit import look_up
 from processing.response import ResponseTables
+from processing.slopes import look_up
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from processing.blur import BLUR_UNSURE, Blur, adjusted
 from processing.correspondence import decode
 from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
-from processing.range_fit import slopes
 from processing.remarks import Remark
 from processing.response import ResponseTables
+from processing.slopes import slopes
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]

@@ -5,8 +5,7 @@ the correlation slope of the frames with the decoded pattern, and the response o
 
     D(P) = 2 Re⟨Z_0, Z⟩ / ⟨Z_0, Z_0⟩,    A_r(P) = Re⟨Z_0, Z_r⟩ / ⟨Z_0, Z_0⟩,
 
-with ⟨·,·⟩ over Z⁺ and Z⁻. D(P) has the variance gain·σ²/⟨Z_0, Z_0⟩ from noise of variance σ² in
-a frame; to it is added that of the model, a fixed part of white.
+with ⟨·,·⟩ over Z⁺ and Z⁻ (`processing.slopes`).
 """
 
 from __future__ import annotations
@@ -18,18 +17,12 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from processing.accounts import Account
-from processing.harmonics import PitchDesign
-from processing.response import BINS_PER_PX, ResponseTables
+from processing.response import ResponseTables
+from processing.slopes import between, bin_of, model_errors
 from processing.spectrum import solve_spectrum
 
 Array = NDArray[np.float64]
 
-# Standard deviation of D/white at the finest pitch that footprints and the dictionary leave: on
-# a board, which has direct light alone, D is off by 0.3 to 2 %. Light from afar is less like its
-# Gaussian spreads the wider the pattern: it grows as the root of the pitch.
-_MODEL_ERROR = 0.01
-# The blur's variance is right to this part of it.
-_BLUR_ERROR = 0.02
 # The total is held to white this many times tighter than a row, then scaled to it exactly.
 _TOTAL_WEIGHT = 300.0
 
@@ -60,73 +53,6 @@ class AccountFit:
     noise_errors: Array
     misfits: Array
     chi2: Array
-
-
-def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
-    """Standard deviation of D/white that is laid to the model, (pitches,).
-
-    Parameters
-    ----------
-    pitch_px
-        (pitches,).
-    blur_px2
-        Variance a side of the blur that is corrected for; its error bends fine pitches.
-    """
-    shape = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
-    bent = _BLUR_ERROR * blur_px2 * (np.pi / pitch_px) ** 2
-    errors: Array = np.hypot(shape, bent)
-    return errors
-
-
-def told_of_blur(pitch_px: Array, blur_px2: float) -> float:
-    """What a blur leaves of the χ² by which light of short range shows, in (0, 1].
-
-    Short ranges and blur alike bend D(P)/white as (π/P)², which counts by its square over the
-    variance of `model_errors`; these grow with the blur that is corrected for.
-
-    Parameters
-    ----------
-    pitch_px, blur_px2
-        As for `model_errors`.
-    """
-    bend = (np.pi / pitch_px) ** 2
-    left, all_of_it = (
-        float(np.sum((bend / model_errors(pitch_px, variance)) ** 2)) for variance in (blur_px2, 0)
-    )
-    return left / all_of_it
-
-
-def slope_noise_gain(design: PitchDesign) -> float:
-    """Variance of D, times ⟨Z_0, Z_0⟩, for frames of unit variance.
-
-    In a grid over both directions Z⁺ and Z⁻ have independent noise, of variance n/2 for n frames
-    in each real part; along one direction they hold the same noise.
-    """
-    both = design.family.varies_down and design.family.varies_right
-    return (2.0 if both else 4.0) * len(design.patterns)
-
-
-def slopes(
-    harmonics: NDArray[np.complex64], places: Array, tables: ResponseTables, gains: Array
-) -> Array:
-    """D of both diagonals apart, (n, pitches, 2).
-
-    Parameters
-    ----------
-    harmonics
-        (pitches, 2, n) of one colour, constant light subtracted.
-    places
-        (2, n), see `processing.correspondence.Correspondence`.
-    tables
-        Of this colour.
-    gains
-        (n, pitches, 2), `processing.blur.Blur.gains`.
-    """
-    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
-    return _slopes(  # type: ignore[no-any-return]
-        pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
-        tables.pitch_px, gains,
-    )  # fmt: skip
 
 
 def fit_places(
@@ -212,50 +138,12 @@ def _result(fitted: tuple[Array, Array, Array]) -> AccountFit:
 
 
 @njit(cache=True, fastmath=True)
-def _bin(place, period):  # type: ignore[no-untyped-def]
-    """Bin of a place within the period, and the part of the way to the next."""
-    at = (place % period) * BINS_PER_PX
-    index = int(at)
-    return index, at - index
-
-
-@njit(cache=True, fastmath=True)
-def _between(table, index, part, spread):  # type: ignore[no-untyped-def]
-    """Linear between bins."""
-    return table[index, spread] * (1 - part) + table[index + 1, spread] * part
-
-
-@njit(cache=True, fastmath=True)
-def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
-    """T of a spread at a place; `first` is the bin where the pitch begins."""
-    index, part = _bin(place, period)
-    return _between(table, first + index, part, spread)
-
-
-@njit(parallel=True, cache=True)
-def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
-    n_pixels, n_pitches, _ = harmonics.shape
-    found = np.zeros((n_pixels, n_pitches, 2))
-    for i in prange(n_pixels):
-        for k in range(n_pitches):
-            bin_y, part_y = _bin(places[0, i], 2 * pitch_px[k])
-            bin_x, part_x = _bin(places[1, i], 2 * pitch_px[k])
-            at_y = _between(down, first[k] + bin_y, part_y, 0)
-            at_x = _between(right, first[k] + bin_x, part_x, 0)
-            plus, minus = at_y * at_x * gain[i, k, 0], at_y * np.conj(at_x) * gain[i, k, 1]
-            for sign, one in enumerate((plus, minus)):
-                seen = harmonics[i, k, sign]
-                found[i, k, sign] = 2 * (seen * np.conj(one)).real / max(np.abs(one) ** 2, 1e-12)
-    return found
-
-
-@njit(cache=True, fastmath=True)
 def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore[no-untyped-def]
     """D, ⟨Z_0, Z_0⟩ of one pitch and the part of Z⁺ in it; fills the responses of all spreads."""
-    bin_y, part_y = _bin(y, 2 * pitch)
-    bin_x, part_x = _bin(x, 2 * pitch)
+    bin_y, part_y = bin_of(y, 2 * pitch)
+    bin_x, part_x = bin_of(x, 2 * pitch)
     bin_y, bin_x = bin_y + first, bin_x + first
-    at_y, at_x = _between(down, bin_y, part_y, 0), _between(right, bin_x, part_x, 0)
+    at_y, at_x = between(down, bin_y, part_y, 0), between(right, bin_x, part_x, 0)
     plus, minus = at_y * at_x * gain[0], at_y * np.conj(at_x) * gain[1]
     energy = max(np.abs(plus) ** 2 + np.abs(minus) ** 2, 1e-12)
     slope = 2 * ((seen[0] * np.conj(plus)).real + (seen[1] * np.conj(minus)).real) / energy
@@ -263,7 +151,7 @@ def _row(seen, down, right, first, pitch, y, x, gain, response):  # type: ignore
     gained, lessened = np.conj(plus) * gain[0] / energy, np.conj(minus) * gain[1] / energy
     response[0] = 1.0
     for r in range(1, len(response)):
-        at_y, at_x = _between(down, bin_y, part_y, r), _between(right, bin_x, part_x, r)
+        at_y, at_x = between(down, bin_y, part_y, r), between(right, bin_x, part_x, r)
         response[r] = (at_y * (at_x * gained + np.conj(at_x) * lessened)).real
     return slope, energy, np.abs(plus) ** 2 / energy
 

@@ -46,10 +46,11 @@ from processing.range_decomposition import (
     blocks,
     lattice,
 )
-from processing.range_fit import fit_places, slope_noise_gain, told_of_blur
+from processing.range_fit import fit_places
 from processing.remarks import Remark
 from processing.response import ResponseTables
 from processing.scattering import RivalFits, Signs, translucent_map
+from processing.slopes import slope_noise_gain, told_of_blur
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]

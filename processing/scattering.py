@@ -190,7 +190,7 @@ class Signs:
     shape
         (height, width).
     told
-        `processing.range_fit.told_of_blur` of the capture.
+        `processing.slopes.told_of_blur` of the capture.
     """
 
     def __init__(self, shape: tuple[int, int], told: float) -> None:

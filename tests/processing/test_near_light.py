@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from processing.gathering import HarmonicsStack
 from processing.near_light import NearLight
 from processing.patterns import Family, Pattern, shift_grid
-from processing.range_fit import told_of_blur
 from processing.response import ResponseTables
 from processing.scattering import Signs, translucent_map
+from processing.slopes import told_of_blur
 from tests.processing.light import PITCHES_PX, PROJECTOR_PX, checkers
 
 SPREAD_PX = 10.0
