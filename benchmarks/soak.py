@@ -166,8 +166,13 @@ def compare(scene: Scene, undisturbed: Path, tally: Tally, *, processing: bool) 
     if odd:
         tally.failures.append(f"the session differs from the undisturbed one: {odd}")
     # Frames that had to be taken again were judged twice: the last judgement counts.
-    if read_proofs(session) != read_proofs(undisturbed):
-        tally.failures.append("the frames were judged otherwise than in the undisturbed session")
+    judged, expected = read_proofs(session), read_proofs(undisturbed)
+    if judged != expected:
+        exposures = sorted(judged.keys() | expected.keys())
+        first = next(key for key in exposures if judged.get(key) != expected.get(key))
+        tally.failures.append(
+            f"step and attempt {first}: {judged.get(first)} instead of {expected.get(first)}"
+        )
     if not processing:
         return
     results = [
