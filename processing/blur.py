@@ -219,7 +219,7 @@ def _rise(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
         weights[-1] = 1
     # A bin's error is larger than that of all values, by the third root of their numbers.
     scatter = float(np.std(at) * np.sqrt(len(at)))
-    return float(solution[1]), float(np.cbrt(len(at)) / scatter) if len(at) > 1 else 0.0
+    return float(solution[1]), float(np.cbrt(len(at)) / scatter) if scatter > 0 else 0.0
 
 
 def shorth(values: NDArray[np.float64]) -> float:

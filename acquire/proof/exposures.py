@@ -23,6 +23,7 @@ class Exposures:
     def __init__(self) -> None:
         self._lines: dict[int, Exposure] = {}
         self._current: dict[int, int] = {}
+        self._forgotten: set[int] = set()
 
     def add(self, number: int, record: FrameRecord, samples: FrameSamples) -> None:
         """Take in the exposure of line `number`, from 0; it counts for its step from now on."""
@@ -34,6 +35,7 @@ class Exposures:
             )
         self._lines[number] = Exposure(record, samples)
         self._current[record.step] = number
+        self._forgotten.discard(record.step)
 
     def __contains__(self, step: int) -> bool:
         return step in self._current
@@ -64,11 +66,15 @@ class Exposures:
         return same and before.record.raster_sha256 != own.raster_sha256
 
     def forget(self, steps: tuple[int, ...]) -> None:
-        """Keep nothing of these steps but the newest exposure, which the next comes after."""
+        """Keep nothing of these steps but what a kept exposure, or the next one, comes after."""
+        self._forgotten.update(steps)
         last = max(self._lines, default=-1)
-        for old in [n for n, line in self._lines.items() if line.record.step in steps]:
-            if old != last:
-                del self._lines[old]
-        for step in steps:
-            if self._current.get(step) != last:
-                self._current.pop(step, None)
+        for number in sorted(self._lines, reverse=True):
+            follower = self._lines.get(number + 1)
+            is_before = follower is not None and follower.record.step not in self._forgotten
+            forgotten = self._lines[number].record.step in self._forgotten
+            if forgotten and number != last and not is_before:
+                del self._lines[number]
+        for step in self._forgotten & self._current.keys():
+            if self._current[step] not in self._lines:
+                del self._current[step]
