@@ -120,9 +120,13 @@ def lying_disk(scene: Scene) -> Child:
         (scene.session / "frames").glob("[0-9]*.dng"), key=lambda path: path.stat().st_mtime_ns
     )
     for path in files[-scene.chance.randint(1, MOST_FILES_LOST) :]:
-        scene.chance.choice(
-            [lambda p: os.truncate(p, 0), lambda p: p.write_bytes(bytes(99)), Path.unlink]
-        )(path)
+        match scene.chance.choice(["empty", "zeros", "gone"]):
+            case "empty":
+                os.truncate(path, 0)
+            case "zeros":
+                path.write_bytes(bytes(99))
+            case _:
+                path.unlink()
     return child
 
 

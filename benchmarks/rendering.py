@@ -149,9 +149,11 @@ def render_parts(
     truth = np.zeros((3, height * width, 3))
     ranges = np.zeros((height * width, 2, 3, len(RANGE_EDGES_PX) + 1))
     places = np.zeros((height * width, 6))
+    rows, columns = (
+        np.ascontiguousarray(np.stack(one, axis=1), np.float32) for one in (down, right)
+    )
     trace(
-        solid_table(scenery.solids), scenery.camera.axes(), scenery.projector.axes(),
-        *(np.ascontiguousarray(np.stack(one, axis=1), np.float32) for one in (down, right)),
+        solid_table(scenery.solids), scenery.camera.axes(), scenery.projector.axes(), rows, columns,
         round(np.sqrt(paths)), scenery.seed, contrast, truth, ranges, places,
     )  # fmt: skip
     sums = contrast.reshape(height, width, 3, 3, len(designs), 2, 2).astype(np.float64)
