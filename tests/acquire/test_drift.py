@@ -55,14 +55,18 @@ def text_of(result: Result) -> str:
 def test_a_drift_costs_no_tenth_more_than_none(
     steady: Session, drifted: Session, tmp_path: Path
 ) -> None:
-    """Against the truth of a lamp that stays as it was at the start, without gains."""
+    """Against the truth of a lamp that stays as it was at the start, without gains.
+
+    What is not direct is told apart pixel by pixel. From one draw of the noise to the next its
+    kinds differ by more than a tenth without any drift: only their sum is compared.
+    """
     before = errors(process(steady, tmp_path / "0", Options(), Silent()), steady)
     result = process(drifted, tmp_path / "1", Options(), Silent())
     after = errors(result, drifted)
     left = process(drifted, tmp_path / "2", Options(drift_correction=False), Silent())
     plain = errors(left, drifted)
     assert after.keys() == before.keys()
-    for key in before:
+    for key in (key for key in before if key[0] in {"direct", "global"}):
         assert after[key] < 1.1 * before[key], key
     assert plain["direct", "named"] > 1.5 * before["direct", "named"]
     drift = result.record.drift

@@ -232,7 +232,7 @@ def test_a_stop_ends_a_rest(tmp_path: Path) -> None:
 
 
 def test_rested_before_every_frame_the_files_are_the_same(tmp_path: Path) -> None:
-    bench = small_bench(late=0.5, dropped=0.2, latency_s=0.15, drift=0.1, full_well_e=20000.0)
+    bench = small_bench(late=0.1, dropped=0.05, latency_s=0.05, drift=0.1, full_well_e=20000.0)
     whole, _ = captured(tmp_path / "whole", bench=bench)
     pause = Pause()
 
