@@ -16,7 +16,7 @@ from acquire.references import Levels, References
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Stack
-from processing.frame_noise import FrameSample
+from processing.frame_noise import FrameSample, lattice
 from processing.optical_contrast import USABLE, OpticalContrast
 from processing.patterns import Family, Pattern, balanced
 from processing.separation import (
@@ -311,8 +311,7 @@ def _judged(
     lit: Image,
     saturated: NDArray[np.bool_] | None,
 ) -> PitchRecord:
-    every = slice(None, None, max(1, int(np.sqrt(lit.shape[0] * lit.shape[1] / JUDGED_PIXELS))))
-    at = every, every
+    at = lattice(lit.shape, JUDGED_PIXELS)
     white, direct = lit[at], found.separation.direct_light[at]
     usable = _mask(white, None if saturated is None else saturated[at]) == PixelClass.MEASURED
     if not usable.any():

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import resource
 import statistics
-import time
 import tracemalloc
 import warnings
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from sklearn.decomposition import FastICA
 from sklearn.exceptions import ConvergenceWarning
 from ssspy.bss.iva import AuxLaplaceIVA
 
+from benchmarks.raw_decoding import seconds
 from processing.auxiva import auxiva
 
 
@@ -31,12 +31,6 @@ def mixtures_of(n_colors: int, n_components: int, n_samples: int) -> NDArray[np.
     sources *= np.abs(rng.standard_normal((1, n_components, n_samples), np.float32))
     mixing = rng.standard_normal((n_colors, n_components, n_components)).astype(np.float32)
     return mixing @ sources
-
-
-def seconds(run: Callable[[], object]) -> float:
-    started = time.perf_counter()
-    run()
-    return time.perf_counter() - started
 
 
 def peak_bytes() -> int:

@@ -42,7 +42,7 @@ from processing.accounts import opaque, spread_grid, translucent
 from processing.blur import Blur
 from processing.footprints import footprints
 from processing.metrics import errors_of, oracle, relative_error
-from processing.optics import noise_lines, tables_for
+from processing.optics import BOX_MARGIN, noise_lines, tables_for
 from processing.range_fit import fit_places
 from processing.ranges import decompose_ranges
 from processing.response import ResponseTables
@@ -54,7 +54,6 @@ Image = NDArray[np.float32]
 
 # A pixel scatters below the surface where that is this part of its light.
 _SCATTERS = 0.01
-_BOX_MARGIN = 1.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +95,7 @@ def true_blur(parts: RenderedParts, mask: NDArray[np.bool_], condition: str, nam
     footprint_px2 = float(np.median(sizes))
     camera_px2 = 1 / 12 + lens_px**2
     side_px2 = camera_px2 * footprint_px2 + projected_px**2
-    box_px = _BOX_MARGIN * float(np.sqrt(footprint_px2))
+    box_px = BOX_MARGIN * float(np.sqrt(footprint_px2))
     return Blur(side_px2, 0.0, box_px, camera_px2, footprint_px2)
 
 

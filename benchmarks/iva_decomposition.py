@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import time
-from collections.abc import Callable
 
 import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.raw_decoding import seconds
 from processing.auxiva import auxiva
 from processing.decomposition import decompose_iva
 
@@ -77,12 +76,6 @@ def with_numpy(rows: Image) -> None:
         colour[:] = filters[-1] @ samples
     unmixing = auxiva(whitened).unmixing @ np.array(filters)
     np.einsum("cij,jhwc->ihwc", unmixing, images, optimize=True)
-
-
-def seconds(run: Callable[[], object]) -> float:
-    started_s = time.perf_counter()
-    run()
-    return time.perf_counter() - started_s
 
 
 def compare(rows: Image, rounds: int, *, naive: bool) -> None:

@@ -33,13 +33,13 @@ from numpy.typing import NDArray
 from acquire.frames import DECODERS
 from acquire.pipeline import Options, process
 from acquire.plan import CameraPlan, Plan
-from acquire.plan_file import example_text, parse_plan
 from acquire.session import FrameRecord, Session, SessionRecord
 from acquire.session.records import frame_path, host, versions
 from benchmarks.raw_decoding import HEIGHT, WIDTH, compressed, unpack
+from benchmarks.rendered_captures import papers_patterns
 from drivers.protocols import CameraSettings
 from drivers.sim.dng import BLACK_LEVEL, MEDIA_TYPE, WHITE_LEVEL, encode_dng
-from processing.patterns import Pattern
+from processing.patterns import Family, Pattern
 
 PROJECTOR_PX = 1080, 1920
 FULL_WELL_E = 20_000.0
@@ -91,19 +91,18 @@ class Scenery:
         return counts.clip(0, WHITE_LEVEL).astype(np.uint16)
 
 
-def papers_patterns(pitches: int) -> tuple[Pattern, ...]:
+def first_pitches(pitches: int) -> tuple[Pattern, ...]:
     """White, black and the first of the paper's pitches."""
-    shown = parse_plan(example_text(), "paper").patterns
-    references = tuple(dict.fromkeys(p for p in shown if p.family.is_reference))
-    patterns = [p for p in dict.fromkeys(shown) if not p.family.is_reference]
-    wanted = sorted({p.pitch_px for p in patterns})[:pitches]
-    return references + tuple(p for p in patterns if p.pitch_px in wanted)
+    patterns = papers_patterns()
+    wanted = sorted({pattern.pitch_px for pattern in patterns})[:pitches]
+    references = Pattern(Family.WHITE), Pattern(Family.BLACK)
+    return references + tuple(pattern for pattern in patterns if pattern.pitch_px in wanted)
 
 
 def write_session(folder: Path, pitches: int, shape: tuple[int, int]) -> Session:
     """A complete session in `folder`."""
     plan = Plan(
-        camera=CameraPlan(exposure_s=0.1, aperture=8.0, iso=200), patterns=papers_patterns(pitches)
+        camera=CameraPlan(exposure_s=0.1, aperture=8.0, iso=200), patterns=first_pitches(pitches)
     )
     bench = {"kind": "benchmark", "projector_px": list(PROJECTOR_PX)}
     record = SessionRecord(plan_sha256=plan.sha256, bench=bench, versions=versions(), host=host())

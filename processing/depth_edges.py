@@ -21,6 +21,7 @@ from scipy import ndimage
 
 from processing.correspondence import decode_residual, refined
 from processing.harmonics import PitchDesign
+from processing.range_fit import TOTAL_WEIGHT
 from processing.response import ResponseTables
 from processing.slopes import look_up, model_errors
 from processing.spectrum import solve_spectrum
@@ -40,7 +41,6 @@ _JUMP_PX = 2.0
 _REACH_PX = 2
 _NEIGHBOUR_PX = 3
 _AGREEMENT_PX = 2.0
-_TOTAL_WEIGHT = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,7 +279,7 @@ def _fit_all(  # type: ignore[no-untyped-def]
         inverse = np.zeros((n_atoms, n_atoms))
         weighted = atoms * weight
         gram, moment = weighted @ atoms.T, weighted @ seen
-        held = (_TOTAL_WEIGHT / max(white[i], 1e-12)) ** 2
+        held = (TOTAL_WEIGHT / max(white[i], 1e-12)) ** 2
         solve_spectrum(gram + held, moment + held * white[i], amounts, inverse)
         residual = seen.copy()
         for a in range(n_atoms):

@@ -119,15 +119,15 @@ class FrameSample:
         return plain / unit, grown / (_DRAWS * unit)
 
 
-def lattice(shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Some 10 000 pixels evenly spread over a picture."""
-    every = slice(None, None, lattice_step(shape))
+def lattice(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> tuple[slice, slice]:
+    """Some 10 000 pixels, or about so many, evenly spread over a picture."""
+    every = slice(None, None, lattice_step(shape, pixels))
     return every, every
 
 
-def lattice_step(shape: tuple[int, ...]) -> int:
+def lattice_step(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> int:
     """Distance of the lattice's pixels."""
-    return max(1, int(np.sqrt(shape[0] * shape[1] / _LATTICE_PIXELS)))
+    return max(1, int(np.sqrt(shape[0] * shape[1] / pixels)))
 
 
 def noise_of(variances: Sequence[Array], white: Image, usable: NDArray[np.bool_]) -> FrameNoise:

@@ -26,7 +26,7 @@ _SHARP_PX2 = 0.3
 _BRIGHT_FRACTION = 0.05
 _BINS = 32
 # A sharp picture's blur is all camera pixel, wider where surfaces are seen askew.
-_BOX_MARGIN = 1.15
+BOX_MARGIN = 1.15
 
 NOISE_UNKNOWN = Remark(
     what="No pitch holds complementary pairs of frames, so the noise is unknown.",
@@ -85,7 +85,7 @@ def measured_blur(
             lit = bright[:, colour]
             seen = places.place_px[:, lit, colour]
             located = replace(
-                one, footprint_px2=typical_px2, box_px=_BOX_MARGIN * float(np.sqrt(typical_px2))
+                one, footprint_px2=typical_px2, box_px=BOX_MARGIN * float(np.sqrt(typical_px2))
             )
             gains = located.gains(table.pitch_px, table.varies, shapes[:, lit])
             measured = slopes(sample.harmonics[:, :, lit, colour], seen, table, gains)

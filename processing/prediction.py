@@ -16,11 +16,13 @@ from all the others leaves the residual (Q e)_k/Q_kk (ibid., eq. 5.12).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.patterns import Family, Pattern
 from processing.sample_noise import FEWEST_PAIRS, SampleNoise
 
 Array = NDArray[np.float64]
@@ -85,6 +87,32 @@ def code_covariance(codes: Array) -> Array:
     signs = 2 * codes - 1
     covariance: Array = signs @ signs.T / codes.shape[1]
     return covariance
+
+
+def pattern_covariance(patterns: Sequence[Pattern], projector_px: tuple[int, int]) -> Array:
+    """R of patterns of one family and pitch over whole periods, (frames, frames).
+
+    That of checkers is the product of those along both directions.
+
+    Parameters
+    ----------
+    patterns
+        What is shown.
+    projector_px
+        (height, width), beyond which no period is seen.
+    """
+    period = 2 * max(pattern.pitch_px for pattern in patterns)
+    height, width = (min(period, side) for side in projector_px)
+    down, right = _codes(patterns, (height, 1)), _codes(patterns, (1, width))
+    if patterns[0].family is Family.CHECKER:
+        corner = 2 * _codes(patterns, (1, 1)) - 1
+        product = code_covariance(down) * code_covariance(right) * (corner @ corner.T)
+        return np.asarray(product, np.float64)
+    return code_covariance(down if patterns[0].family.varies_down else right)
+
+
+def _codes(patterns: Sequence[Pattern], shape: tuple[int, int]) -> Array:
+    return np.stack([pattern.code(shape).ravel() for pattern in patterns])
 
 
 def complements(covariance: Array) -> list[tuple[int, int]]:

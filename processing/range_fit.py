@@ -24,7 +24,7 @@ from processing.spectrum import solve_spectrum
 Array = NDArray[np.float64]
 
 # The total is held to white this many times tighter than a row, then scaled to it exactly.
-_TOTAL_WEIGHT = 300.0
+TOTAL_WEIGHT = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ def _solve(  # type: ignore[no-untyped-def]
     n = len(moment)
     _mirror(gram)
     _mirror(noise_gram)
-    weight = (_TOTAL_WEIGHT / max(white, 1e-12)) ** 2
+    weight = (TOTAL_WEIGHT / max(white, 1e-12)) ** 2
     held, pull = gram + weight, moment + weight * white
     inverse = np.zeros((n, n))
     solve_spectrum(held, pull, amounts, inverse)

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from acquire.plan import Plan
 from acquire.proof.units import Unit, units_of
 from acquire.session import FrameRecord
-from processing.patterns import Family, Pattern
-from processing.prediction import COMPLEMENT, code_covariance, weights_for
+from processing.patterns import Family
+from processing.prediction import COMPLEMENT, pattern_covariance, weights_for
 
 SIDE_PX = 512
 MOST_HELD = 48
@@ -193,7 +193,8 @@ class Expectation:
             for step in unit.steps
             if step in self._frames and step != record.step and self._like(step, record)
         ]
-        covariance = self._covariance([record.step, *steps])
+        patterns = [self._plan.patterns[step] for step in (record.step, *steps)]
+        covariance = pattern_covariance(patterns, self._projector_px)
         others = np.ones(len(steps) + 1, bool)
         others[0] = False
         weights, _ = weights_for(0, covariance, others, NUGGET)
@@ -241,18 +242,6 @@ class Expectation:
             Small(np.asarray(values, np.float32), usable, light.whole_px),
         )
 
-    def _covariance(self, steps: list[int]) -> NDArray[np.float64]:
-        """R of steps; that of checkers is the product of those along both directions."""
-        patterns = [self._plan.patterns[step] for step in steps]
-        period = 2 * max(pattern.pitch_px for pattern in patterns)
-        height, width = (min(period, side) for side in self._projector_px)
-        down, right = _codes(patterns, (height, 1)), _codes(patterns, (1, width))
-        if patterns[0].family is Family.CHECKER:
-            corner = 2 * _codes(patterns, (1, 1)) - 1
-            product = code_covariance(down) * code_covariance(right) * (corner @ corner.T)
-            return np.asarray(product, np.float64)
-        return code_covariance(down if patterns[0].family.varies_down else right)
-
     def _reference(self, family: Family, like: FrameRecord) -> FrameRecord | None:
         """The first frame of white or black that was exposed like another."""
         steps = (
@@ -276,10 +265,6 @@ class Expectation:
         self._held[record.file] = picture
         if len(self._held) > MOST_HELD:
             self._held.popitem(last=False)
-
-
-def _codes(patterns: list[Pattern], shape: tuple[int, int]) -> NDArray[np.float64]:
-    return np.stack([pattern.code(shape).ravel() for pattern in patterns])
 
 
 def _seen(

@@ -9,7 +9,7 @@ from acquire.plan import Plan
 from acquire.proof.units import Unit
 from processing.patterns import Family, Pattern
 from processing.phases import Phases
-from processing.prediction import code_covariance
+from processing.prediction import pattern_covariance
 
 LARGEST_PROJECTOR_PX = 2400, 4096
 
@@ -35,12 +35,7 @@ class Codes:
         """(frames, frames) of a unit's patterns, over whole periods."""
         if unit not in self._covariance:
             patterns = [self._plan.patterns[step] for step in unit.steps]
-            period = 2 * max(pattern.pitch_px for pattern in patterns)
-            first = patterns[0].family
-            height = min(period if first.varies_down else 1, self.projector_px[0])
-            width = min(period if first.varies_right else 1, self.projector_px[1])
-            codes = [pattern.code((height, width)).ravel() for pattern in patterns]
-            self._covariance[unit] = code_covariance(np.stack(codes))
+            self._covariance[unit] = pattern_covariance(patterns, self.projector_px)
         return self._covariance[unit]
 
     def phases(self, unit: Unit) -> Phases:

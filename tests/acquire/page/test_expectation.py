@@ -19,7 +19,7 @@ from acquire.proof.expectation import Expectation, Expected, Places, Small
 from acquire.session import FrameRecord, Session
 from drivers.sim.devices import SimulationConfig, build
 from processing.patterns import Family, Pattern
-from processing.prediction import code_covariance
+from processing.prediction import code_covariance, pattern_covariance
 from tests.acquire.captures import captured, small_bench, small_plan
 
 CAMERA_PX, PROJECTOR_PX = (32, 40), (96, 128)
@@ -216,11 +216,7 @@ def test_saturated_places_are_not_compared(folder: Path) -> None:
     ],
 )
 def test_the_covariance_is_that_of_the_codes(texts: list[str]) -> None:
-    plan = small_plan().model_copy(update={"patterns": tuple(map(Pattern.parse, texts))})
-
-    def never(_: FrameRecord) -> Small:
-        raise AssertionError
-
-    found = Expectation(plan, (96, 128), {}, never)._covariance(list(range(len(texts))))
-    codes = np.stack([pattern.code((16, 16)).ravel() for pattern in plan.patterns])
+    patterns = [Pattern.parse(text) for text in texts]
+    found = pattern_covariance(patterns, (96, 128))
+    codes = np.stack([pattern.code((16, 16)).ravel() for pattern in patterns])
     np.testing.assert_allclose(found, code_covariance(codes), atol=1e-12)
