@@ -40,8 +40,7 @@ class Account:
 
 def spread_grid(pitch_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard deviations in projector pixels, 0 first, that suit a set of pitches."""
-    steps = 2.0 ** (np.arange(_HALF_OCTAVES) / 2)
-    return np.concatenate([[0.0], pitch_px.min() / 8 * steps])
+    return np.concatenate([[0.0], pitch_px.min() / 8 * _half_octaves(0, _HALF_OCTAVES)])
 
 
 def opaque(pitch_px: NDArray[np.float64]) -> Account:
@@ -58,12 +57,16 @@ def opaque(pitch_px: NDArray[np.float64]) -> Account:
 def translucent(pitch_px: NDArray[np.float64]) -> Account:
     """Direct light, diffusion over ¼ to 4 times the finest pitch, inter-reflection from afar."""
     grid = spread_grid(pitch_px)
-    diffuse = [
-        diffusion_mixture(grid, one) for one in pitch_px.min() * 2.0 ** np.arange(-2, 2.5, 0.5)
-    ]
+    diffuse = [diffusion_mixture(grid, one) for one in pitch_px.min() * _half_octaves(-4, 5)]
     far = [_single(grid, one) for one in _octaves(_TRANSLUCENT_FAR, pitch_px)]
     mixtures = np.stack([_single(grid, 0.0), *diffuse, *far], axis=1)
     return Account(mixtures, (1, 1 + len(diffuse)))
+
+
+def _half_octaves(first: int, end: int) -> NDArray[np.float64]:
+    """2 to the power k/2 for k from `first` to before `end`, without a power's last bits."""
+    octaves, odd = np.divmod(np.arange(first, end), 2)
+    return np.ldexp(np.where(odd == 1, np.sqrt(2.0), 1.0), octaves)
 
 
 def _octaves(first: float, pitch_px: NDArray[np.float64]) -> list[float]:

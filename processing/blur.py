@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.elementary import exp, hypot, log
+from processing.linear_algebra import least_squares, product
 from processing.remarks import Remark
 
 # Contrast below this fraction of white is no basis for a ratio.
@@ -85,8 +87,8 @@ class Blur:
         """Standard errors of `side_px2` and `skew_px2`, (n, 2), at (3, n) footprints."""
         side_px2, skew_px2 = self.deviations_px2
         beyond = 0.5 * (footprint[0] + footprint[1]) - self.footprint_px2
-        side = np.hypot(side_px2, self.camera_deviation_px2 * beyond)
-        skew = np.hypot(skew_px2, self.camera_deviation_px2 * footprint[2])
+        side = hypot(side_px2, self.camera_deviation_px2 * beyond)
+        skew = hypot(skew_px2, self.camera_deviation_px2 * footprint[2])
         return np.stack([side, skew], axis=1)
 
     def gains(self, tables_pitch_px: Array, varies: Array, footprint: Array) -> Array:
@@ -108,7 +110,7 @@ class Blur:
         skew = self.skew_px2 + self.camera_px2 * footprint[2]
         along = 0.5 * (np.outer(excess[0], rates2 * down) + np.outer(excess[1], rates2 * right))
         across = np.outer(skew, rates2 * down * right)
-        gains: Array = np.exp(-np.stack([along + across, along - across], axis=-1))
+        gains: Array = exp(-np.stack([along + across, along - across], axis=-1))
         return gains
 
 
@@ -141,7 +143,7 @@ def adjusted(
         return blur, False
     rates = (np.pi / pitch_px[usable]) ** 2
     compared = np.maximum(slopes[:, usable], 1e-9)
-    ratios = -np.diff(np.log(compared), axis=1) / np.diff(rates)[:, np.newaxis]
+    ratios = -np.diff(log(compared), axis=1) / np.diff(rates)[:, np.newaxis]
     modes = np.array([[shorth(ratios[:, k, d]) for d in range(2)] for k in range(len(rates) - 1)])
     confirmed = len(modes) > 1 and bool(np.all(np.abs(modes[1] - modes[0]) < _AGREEMENT_PX2))
     size = 0.5 * (footprint[0] + footprint[1])
@@ -171,7 +173,7 @@ def _contrast(blur: Blur, slopes: Array, pitch_px: Array, white: Array) -> Array
 
     Slopes are freed from blur: where that has left nothing, they are noise raised without bounds.
     """
-    left = np.exp(-blur.side_px2 * (np.pi / pitch_px) ** 2)
+    left = exp(-blur.side_px2 * (np.pi / pitch_px) ** 2)
     typical: Array = left * np.median(slopes.mean(axis=2) / white[:, np.newaxis], axis=0)
     return typical
 
@@ -204,7 +206,9 @@ def _rise(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
     A line through the modes of bins of equal count; where footprints are all alike, a camera that
     is no blurrier than its pixel is assumed.
     """
-    order = np.array_split(np.argsort(sizes), min(_BINS, max(len(sizes) // _LEAST_BIN, 1)))
+    order = np.array_split(
+        np.argsort(sizes, kind="stable"), min(_BINS, max(len(sizes) // _LEAST_BIN, 1))
+    )
     at = np.array([np.median(sizes[part]) for part in order])
     found = np.array([shorth(variances[part]) for part in order])
     expected = min(_PIXEL_PX2, blur.side_px2 / blur.footprint_px2) - blur.camera_px2
@@ -214,12 +218,13 @@ def _rise(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
     # Bins in which much light scatters read too large: they count little.
     weights = np.ones(len(rows))
     for _ in range(_REWEIGHTED):
-        solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
-        weights = 1 / np.sqrt(1 + np.abs(rows @ solution - values))
+        solution = least_squares(rows * weights[:, None], values * weights)
+        weights = 1 / np.sqrt(1 + np.abs(product(rows, solution) - values))
         weights[-1] = 1
     # A bin's error is larger than that of all values, by the third root of their numbers.
     scatter = float(np.std(at) * np.sqrt(len(at)))
-    return float(solution[1]), float(np.cbrt(len(at)) / scatter) if scatter > 0 else 0.0
+    third_root = float(exp(log(len(at)) / 3))
+    return float(solution[1]), third_root / scatter if scatter > 0 else 0.0
 
 
 def shorth(values: NDArray[np.float64]) -> float:

@@ -142,7 +142,7 @@ class Drift:
     def noise(self, noise: FrameNoise, exposures: int) -> FrameNoise:
         """Mean noise of frames that are freed from the drift: f/g has variance c/g² + s·(f/g)/g."""
         gain = self.gain.at(np.arange(exposures, dtype=np.float64))
-        constant = noise.constant * np.mean(gain**-2, axis=0)
+        constant = noise.constant * np.mean(1 / gain**2, axis=0)
         return FrameNoise(constant, noise.slope * np.mean(1 / gain, axis=0))
 
     def seen(self) -> Drift:

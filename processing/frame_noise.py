@@ -84,7 +84,11 @@ class FrameSample:
         None where there are fewer than two complementary pairs of frames.
         """
         weights = null_weights(self.patterns)
-        return None if weights is None else np.tensordot(weights, self.frames, 1) ** 2
+        if weights is None:
+            return None
+        frames = (self._frames[one].astype(np.float64) for one in self.patterns)
+        total: Array = sum(w * frame for w, frame in zip(weights, frames, strict=True))
+        return total**2
 
     def growth(self, noise: FrameNoise) -> tuple[Array, Array]:
         """How much the range of the frames grows when further noise is added to them.

@@ -55,6 +55,7 @@ def half_width(without: Array, sizes: Array) -> Array:
     if effective < FEWEST_PARTS:
         return np.full(without.shape[1:], np.nan)
     variance = (parts - 1) * np.var(without, axis=0)
-    quantile = float(stats.t.ppf(0.5 + CONFIDENCE / 2, effective - 1))
+    # Rounded, so that its last bits, which are the library's, do not matter.
+    quantile = round(float(stats.t.ppf(0.5 + CONFIDENCE / 2, effective - 1)), 9)
     found: Array = quantile * np.sqrt(variance)
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from processing.accounts import Account
 from processing.jackknife import half_width
+from processing.linear_algebra import product
 from processing.range_fit import AccountFit
 
 Array = NDArray[np.float64]
@@ -64,8 +65,8 @@ def mean_mixing(
             amounts = np.zeros((parts, fit.amounts.shape[1]))
             np.add.at(amounts, tile[chosen], fit.amounts[chosen])
             first, end = account.subsurface
-            spectra[0] += amounts[:, first:end] @ account.mixtures[:, first:end].T
-            spectra[1] += amounts[:, end:-1] @ account.mixtures[:, end:].T
+            spectra[0] += product(amounts[:, first:end], account.mixtures[:, first:end].T)
+            spectra[1] += product(amounts[:, end:-1], account.mixtures[:, end:].T)
             totals[0] += amounts[:, first:end].sum(axis=1)
             totals[1] += amounts[:, end:].sum(axis=1)
         for k in np.flatnonzero(totals.sum(axis=1) > 0):
@@ -78,9 +79,9 @@ def _ratio(spectra: Array, totals: Array, response: Array) -> tuple[Array, Array
     """Response of the mean of (parts, spreads) with the light (parts,), and its half interval."""
     held = totals > 0
     whole, light = spectra.sum(axis=0), float(totals.sum())
-    alpha: Array = response @ whole / light
+    alpha: Array = product(response, whole) / light
     if np.count_nonzero(held) < 2:
         return alpha, np.full_like(alpha, np.nan)
     rest = light - totals[held]
-    without = (whole - spectra[held]) @ response.T / rest[:, np.newaxis]
+    without = product(whole - spectra[held], response.T) / rest[:, np.newaxis]
     return alpha, half_width(without, totals[held])

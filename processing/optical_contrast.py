@@ -20,8 +20,9 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
+from processing.elementary import exp, hypot, normal
+from processing.linear_algebra import product
 from processing.patterns import Pattern, balanced
 
 Array: TypeAlias = NDArray[np.float64]
@@ -76,14 +77,14 @@ class OpticalContrast:
         ranges = self._ranges(patterns, with_white=with_white)
         place = ranges.std(axis=1) / ranges.mean(axis=1)
         blur = (np.pi / patterns[0].pitch_px) ** 2 * self.deviation_px2
-        found: Array = np.hypot(place, blur)
+        found: Array = hypot(place, blur)
         return found
 
     def _ranges(self, patterns: Sequence[Pattern], *, with_white: bool) -> Array:
         """(colours, places): what max/min, or the amplitude, reads of direct light 1."""
         first = patterns[0]
         if not first.family.is_binary:
-            faded = np.exp(-((np.pi / first.pitch_px) ** 2) * self.side_px2 / 2)
+            faded = exp(-((np.pi / first.pitch_px) ** 2) * self.side_px2 / 2)
             return np.asarray(faded[:, np.newaxis], np.float64)
         complemented = with_white and not balanced(patterns)
         blurs = np.sqrt(self.side_px2)
@@ -91,7 +92,7 @@ class OpticalContrast:
 
     def _departure(self, pitch_px: int) -> Array:
         """Measured over Gaussian modulation at a pitch, (colours,)."""
-        fitted = np.exp(-((np.pi / self.pitch_px[:, np.newaxis]) ** 2) * self.side_px2)
+        fitted = exp(-((np.pi / self.pitch_px[:, np.newaxis]) ** 2) * self.side_px2)
         sure = (fitted > _LEAST_MODULATION) & (self.modulation > _LEAST_MODULATION)
         ratio = np.where(sure, self.modulation / np.where(sure, fitted, 1.0), 1.0)
         return np.array([np.interp(pitch_px, self.pitch_px, column) for column in ratio.T])
@@ -117,7 +118,7 @@ def _wave(place_px: Array, pitch_px: int, blur_px: float) -> Array:
     """A square wave of half-period `pitch_px` and amplitude 1, blurred."""
     centred = place_px % (2 * pitch_px)
     edges = np.arange(-2 * _PERIODS, 2 * _PERIODS + 2) * pitch_px
-    steps = ndtr((centred[:, np.newaxis] - edges) / max(blur_px, _SHARP_PX))
+    steps = normal((centred[:, np.newaxis] - edges) / max(blur_px, _SHARP_PX))
     signs = np.where(np.arange(len(edges) - 1) % 2, -1.0, 1.0)
-    found: Array = (steps[:, :-1] - steps[:, 1:]) @ signs
+    found: Array = product(steps[:, :-1] - steps[:, 1:], signs)
     return found

@@ -12,6 +12,7 @@ from processing.blur import BLUR_UNSURE, Blur, adjusted
 from processing.correspondence import decode
 from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
+from processing.linear_algebra import least_squares
 from processing.remarks import Remark
 from processing.response import ResponseTables
 from processing.slopes import slopes
@@ -143,16 +144,19 @@ def noise_lines(variance: Image | None, white: Image, mask: NDArray[np.bool_]) -
 
 def _line(light: Image, variance: Image) -> tuple[float, float]:
     """Least squares through the means of bins that hold equally many pixels."""
-    order = np.array_split(np.argsort(light), min(_BINS, len(light)))
+    order = np.array_split(np.argsort(light, kind="stable"), min(_BINS, len(light)))
     at = np.array([light[part].mean(dtype=np.float64) for part in order])
     mean = np.array([variance[part].mean(dtype=np.float64) for part in order])
     if np.ptp(at) == 0:
         return float(mean.mean()), 0.0
-    slope, constant = np.polyfit(at, mean, 1)
-    for _ in range(2):
+    middle = at.mean()
+    rows = np.stack([np.ones_like(at), at - middle], axis=1)
+    expected = np.ones_like(at)
+    for _ in range(3):
+        level, slope = least_squares(rows / expected[:, np.newaxis], mean / expected)
+        constant = level - slope * middle
         # Variances scatter in proportion to themselves: dark bins know the read noise best.
         expected = np.maximum(constant + slope * at, 0.1 * mean.mean())
-        slope, constant = np.polyfit(at, mean, 1, w=1 / expected)
     if slope < 0:
         return float(mean.mean()), 0.0
     if constant < 0:
