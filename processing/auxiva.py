@@ -18,7 +18,10 @@ would hang on accidents of single samples: there the floor is 1 % of the mean r 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numba
 import numpy as np
@@ -29,8 +32,12 @@ _GUARD = 1e-12
 # A chunk's intermediate values stay in the first-level cache; blocks are what threads share out.
 _CHUNK_SAMPLES = 256
 _BLOCK_SAMPLES = 32 * _CHUNK_SAMPLES
+# Of this many blocks together a thread takes its share.
+_TOGETHER = 8
 
-Mixtures = NDArray[np.float32] | NDArray[np.float64]
+Mixtures: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
+# Like `map`.
+_Each: TypeAlias = Callable[[Callable[[int], None], Iterable[int]], Iterable[None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +58,9 @@ class AuxivaResult:
     cost: NDArray[np.float64]
 
 
-def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
+def auxiva(
+    mixtures: Mixtures, n_iterations: int = 10, *, n_threads: int | None = None
+) -> AuxivaResult:
     """Unmix independent vectors, from the identity, one sweep over the sources an iteration.
 
     Each iteration reads the data once: r of the rows that a sweep has yet to change is known at
@@ -66,6 +75,8 @@ def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
         cancellation near r = 0 spoils the weights and lets J rise.
     n_iterations
         Sweeps, ≥ 0.
+    n_threads
+        As many as numba would use, if it is not given; 1 starts none.
 
     Returns
     -------
@@ -80,13 +91,22 @@ def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
     """
     _check(mixtures, n_iterations)
     data: Mixtures = np.require(mixtures, requirements="C")
+    n_threads = n_threads or numba.get_num_threads()
+    if n_threads == 1:
+        return _descended(data, n_iterations, map)
+    with ThreadPoolExecutor(n_threads, thread_name_prefix="auxiva") as threads:
+        return _descended(data, n_iterations, threads.map)
+
+
+def _descended(data: Mixtures, n_iterations: int, each: _Each) -> AuxivaResult:
     n_colors, n_components, _ = data.shape
     unmixing = np.tile(np.eye(n_components), (n_colors, 1, 1))
     unit = _magnitude(data)
     floor = _GUARD
     if n_colors == 1:
-        floor = _FLOOR_ONE_COLOR * _statistics(data, unmixing / unit, floor)[0] / n_components
-    penalty, covariances = _statistics(data, unmixing / unit, floor)
+        penalty = _statistics(data, unmixing / unit, floor, each)[0]
+        floor = _FLOOR_ONE_COLOR * penalty / n_components
+    penalty, covariances = _statistics(data, unmixing / unit, floor, each)
     if not np.isfinite(penalty):
         raise ValueError("mixtures hold values that are not finite")
     cost = np.empty(n_iterations + 1)
@@ -100,7 +120,7 @@ def auxiva(mixtures: Mixtures, n_iterations: int = 10) -> AuxivaResult:
     for iteration in range(1, n_iterations + 1):
         unmixing = _swept(unmixing, covariances)
         more = iteration < n_iterations
-        penalty, covariances = _statistics(data, unmixing, floor, with_covariances=more)
+        penalty, covariances = _statistics(data, unmixing, floor, each, with_covariances=more)
         cost[iteration] = penalty - np.linalg.slogdet(unmixing)[1].sum()
     return AuxivaResult(unmixing, cost)
 
@@ -163,6 +183,7 @@ def _statistics(
     mixtures: Mixtures,
     unmixing: NDArray[np.float64],
     floor: float,
+    each: _Each,
     *,
     with_covariances: bool = True,
 ) -> tuple[float, NDArray[np.float64]]:
@@ -181,7 +202,14 @@ def _statistics(
     penalties = np.zeros(n_blocks)
     # The length of a tuple is part of its type: loops over it are unrolled when compiled.
     components = (0,) * n_components
-    _accumulate(mixtures, unmixing, floor, components, with_covariances, sums, penalties)
+    model = (unmixing, floor, components)
+
+    def accumulate(first: int) -> None:
+        end = min(first + _TOGETHER, n_blocks)
+        _accumulate(mixtures, first, end, model, with_covariances, sums, penalties)
+
+    for _ in each(accumulate, range(0, n_blocks, _TOGETHER)):
+        pass
     lower = sums.sum(axis=0) / n_samples
     strictly_lower = np.tril(lower, -1)
     return float(penalties.sum() / n_samples), lower + strictly_lower.swapaxes(-1, -2)
@@ -193,13 +221,12 @@ _compiled = numba.njit(
 )
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(nogil=True, cache=True)
 def _accumulate(  # type: ignore[no-untyped-def]
-    mixtures, unmixing, floor, components, with_covariances, sums, penalties
+    mixtures, first, end, model, with_covariances, sums, penalties
 ):
     """Sum h(r_k) and the lower triangles of x x'/max(r_k, ε) over each block of samples."""
-    for block in numba.prange(penalties.size):
-        model = (unmixing, floor, components)
+    for block in range(first, end):
         penalties[block] = _add_block(mixtures, block, model, with_covariances, sums[block])
 
 

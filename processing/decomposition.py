@@ -1,9 +1,9 @@
 """Light transport components of a scene from its direct images at several pitches.
 
 The method of Subpa-asa, Zheng, Ono and Sato, with the white image as one more row (the pitch
-beyond all ranges): uncentred PCA of D, gradients of the principal images, whitening in each
-colour, AuxIVA, and the unmixing applied at full resolution with sign, scale and order fixed by
-the white row.
+beyond all ranges): uncentred PCA of D, independent vector analysis of the principal images'
+gradients, and the unmixing applied at full resolution. Few numbers are to be found: of larger
+pictures about half a million pixels tell them.
 """
 
 from __future__ import annotations
@@ -14,19 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.auxiva import auxiva
-from processing.gradients import gradient_samples
-from processing.noise import noise_deviation
+from processing.independence import Independence, independent
 from processing.pca import PrincipalComponents, principal_components
 from processing.remarks import Remark
-from processing.rows import Rows, combine, means
-from processing.smoothing import choose_smoothing
-from processing.unmixing import resolve
-from processing.unmixing_confidence import alpha_half_width
-from processing.whitening import whitening
-
-# Enough gradients to estimate a few numbers; more pixels are sampled on a coarser lattice.
-_SAMPLED_PIXELS = 1 << 21
+from processing.rows import Rows, combine
+from processing.strata import sample_stride
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +86,7 @@ def decompose_iva(
     rows
         m images, float32, (height, width, colours), or an array of them: direct light at each
         pitch, the white image last. They may be mapped from files: they are read in blocks,
-        twice, and never copied.
+        once, some lines twice, and never copied.
     pitch_px
         (m,), the pitch of each row, not decreasing, in projector pixels; the last, white, infinite.
     mask
@@ -114,44 +106,25 @@ def decompose_iva(
     """
     pitch_px = np.asarray(pitch_px, np.float64)
     _check(rows, pitch_px, n_components)
-    principal = principal_components(rows, mask)
-    progress(0.3)
-    shape = (n_components, *rows[0].shape)
-    images = np.empty(shape, np.float32) if out is None else out
-    if images.shape != shape:
-        raise ValueError(f"out has shape {images.shape}, the components {shape}")
+    images, principal = _principal_images(rows, mask, n_components, out)
+    progress(0.4)
     vectors = principal.vectors[:, :n_components]
-    combine(vectors.T, rows, images)
-    progress(0.5)
-    noise = noise_deviation(images[-1], mask)
-    warnings = _insignificant(principal, n_components, noise)
-    stride_px = int(np.ceil(np.sqrt(mask.size / _SAMPLED_PIXELS)))
-    if smoothing_px is None:
-        smoothing_px, enough = choose_smoothing(images[-1], mask, noise, stride_px)
-        warnings += () if enough else (_DROWNED,)
-    samples = gradient_samples(images, mask, smoothing_px, stride_px)
-    progress(0.8)
-    white_filter = _whiten(samples)
-    found = auxiva(samples, n_iterations)
-    progress(0.9)
-    light = means(images, mask)
-    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px[:-1], light)
-    half_width = alpha_half_width(samples, white_filter, vectors, unmixing.order, n_iterations)
+    found = independent(images, mask, vectors, pitch_px[:-1], n_iterations, smoothing_px)
     progress(0.95)
-    combine(unmixing.matrix, images, images)
+    combine(found.unmixing.matrix, images, images)
     progress(1.0)
     return Decomposition(
         components=images,
-        names=unmixing.names,
+        names=found.unmixing.names,
         pitch_px=pitch_px,
-        mixing=unmixing.mixing,
-        mixing_half_width=half_width,
+        mixing=found.unmixing.mixing,
+        mixing_half_width=found.mixing_half_width,
         shares=principal.shares,
-        significant=int(np.sum(principal.shares >= _least_share(principal, noise))),
+        significant=int(np.sum(principal.shares >= _least_share(principal, found.noise))),
         cost=found.cost,
-        smoothing_px=smoothing_px,
-        noise=noise / float(np.percentile(rows[-1][mask], 99.9)),
-        warnings=warnings + unmixing.warnings,
+        smoothing_px=found.smoothing_px,
+        noise=found.noise / _full_scale(rows[-1], mask),
+        warnings=_warnings(principal, found),
     )
 
 
@@ -163,12 +136,30 @@ _DROWNED = Remark(
 )
 
 
-def _whiten(samples: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Whiten each colour's samples in place; return the filters, (colours, n, n)."""
-    filters = whitening(samples)
-    for color, matrix in zip(samples, filters.astype(np.float32), strict=True):
-        color[:] = matrix @ color
-    return filters
+def _principal_images(
+    rows: Rows, mask: NDArray[np.bool_], n_components: int, out: NDArray[np.float32] | None
+) -> tuple[NDArray[np.float32], PrincipalComponents]:
+    """The strongest principal images, (n, height, width, colours), and where they come from."""
+    shape = (n_components, *rows[0].shape)
+    images = np.empty(shape, np.float32) if out is None else out
+    if images.shape != shape:
+        raise ValueError(f"out has shape {images.shape}, the components {shape}")
+    principal = principal_components(rows, mask, sample_stride(mask, axes=1))
+    combine(principal.vectors[:, :n_components].T, rows, images)
+    return images, principal
+
+
+def _full_scale(white: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
+    every = (slice(None, None, sample_stride(mask)),) * 2
+    usable = white[every][mask[every]]
+    return float(np.percentile(usable if usable.size else white[mask], 99.9))
+
+
+def _warnings(principal: PrincipalComponents, found: Independence) -> tuple[Remark, ...]:
+    drowned = (_DROWNED,) if found.drowned else ()
+    n_components = len(found.unmixing.names)
+    insignificant = _insignificant(principal, n_components, found.noise)
+    return (*insignificant, *drowned, *found.unmixing.warnings)
 
 
 def _check(rows: Rows, pitch_px: NDArray[np.float64], n_components: int) -> None:

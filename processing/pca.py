@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.rows import Rows, check_rows, gram
+from processing.strata import stratified
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,9 @@ class PrincipalComponents:
     mean_square: float
 
 
-def principal_components(rows: Rows, mask: NDArray[np.bool_]) -> PrincipalComponents:
+def principal_components(
+    rows: Rows, mask: NDArray[np.bool_], stride_px: int = 1
+) -> PrincipalComponents:
     """Uncentred PCA over usable pixels and all colours.
 
     Parameters
@@ -43,10 +46,12 @@ def principal_components(rows: Rows, mask: NDArray[np.bool_]) -> PrincipalCompon
     mask
         bool, (height, width), True where a pixel is usable; other values of `rows` are not
         looked at.
+    stride_px
+        One of so many lines is looked at, ≥ 1, see `processing.strata`.
     """
     check_rows(rows, mask)
     n_rows = len(rows)
-    products = gram(rows, mask)
+    products = gram(rows, mask, stride_px)
     if not np.all(np.isfinite(products)):
         raise ValueError("usable pixels hold values that are not finite; mask them")
     energy = float(np.trace(products))
@@ -56,7 +61,8 @@ def principal_components(rows: Rows, mask: NDArray[np.bool_]) -> PrincipalCompon
     values, vectors = values[::-1], vectors[:, ::-1]
     largest = np.abs(vectors).argmax(axis=0)
     signs = np.sign(vectors[largest, np.arange(n_rows)])
-    n_samples = np.count_nonzero(mask) * rows[0].shape[2]
+    looked_at = mask[stratified(len(mask), stride_px)]
+    n_samples = np.count_nonzero(looked_at) * rows[0].shape[2]
     return PrincipalComponents(
         np.maximum(values, 0) / energy, vectors * signs, energy / (n_samples * n_rows)
     )

@@ -2,12 +2,12 @@
 
 The matrix (rows: images; columns: pixels and colours) is never copied: threads share out blocks of
 lines that fit the processor's caches, so the images may be files mapped to memory. Sums are taken
-over fixed blocks in a fixed order; the number of threads does not change a bit.
+over fixed blocks in a fixed order; neither the number of threads nor the processor changes a bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeAlias, TypeVar
 
@@ -15,11 +15,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.strata import stratified
+
 # Values of all images in a block: two megabytes of float32.
 _BLOCK_VALUES = 1 << 19
 _CHUNK_PIXELS = 128
-# Products that one loop takes, so that a value is loaded once for several.
-_TOGETHER = 4
+# Sums that run beside each other.
+_LANES = 32
 
 Rows: TypeAlias = Sequence[NDArray[np.float32]] | NDArray[np.float32]
 _Found = TypeVar("_Found")
@@ -39,7 +41,7 @@ def check_rows(rows: Rows, mask: NDArray[np.bool_]) -> None:
         raise ValueError("the mask leaves no usable pixel: all are saturated or unlit")
 
 
-def gram(rows: Rows, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def gram(rows: Rows, mask: NDArray[np.bool_], stride_px: int = 1) -> NDArray[np.float64]:
     """Inner products of all pairs of rows over usable pixels and all colours, (m, m).
 
     Parameters
@@ -48,15 +50,19 @@ def gram(rows: Rows, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         m images, float32, (height, width, colours), or an array of them.
     mask
         bool, (height, width), True where a pixel is usable; other values are not looked at.
+    stride_px
+        One of so many lines is looked at, ≥ 1, see `processing.strata`.
     """
     n_rows = len(rows)
+    looked_at = stratified(len(mask), stride_px)
 
-    def products(lines: slice) -> NDArray[np.float64]:
-        sums = np.zeros((n_rows + -n_rows % _TOGETHER, n_rows + -n_rows % _TOGETHER))
+    def products(some: slice) -> NDArray[np.float64]:
+        lines = looked_at[some]
+        sums = np.zeros((n_rows, n_rows))
         _add_products(_block(rows, lines), _per_value(mask[lines], rows[0].shape[2]), sums)
-        return sums[:n_rows, :n_rows]
+        return sums
 
-    lower = np.tril(np.sum(_in_blocks(products, rows), axis=0))
+    lower = np.sum(_in_blocks(products, rows, len(looked_at)), axis=0)
     whole: NDArray[np.float64] = lower + np.tril(lower, -1).T
     return whole
 
@@ -66,11 +72,12 @@ def means(rows: Rows, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     n_colors = rows[0].shape[2]
 
     def totals(lines: slice) -> NDArray[np.float64]:
-        sums = np.zeros((len(rows), n_colors))
-        _add_values(_block(rows, lines), mask[lines].ravel(), sums)
-        return sums
+        places = np.zeros((len(rows), _CHUNK_PIXELS * n_colors))
+        _add_values(_block(rows, lines), _per_value(mask[lines], n_colors), places)
+        by_color: NDArray[np.float64] = places.reshape(len(rows), -1, n_colors).sum(axis=1)
+        return by_color
 
-    mean: NDArray[np.float64] = np.sum(_in_blocks(totals, rows), axis=0).T
+    mean: NDArray[np.float64] = np.sum(_in_blocks(totals, rows, len(mask)), axis=0).T
     return mean / np.count_nonzero(mask)
 
 
@@ -95,88 +102,103 @@ def combine(matrix: NDArray[np.float64], rows: Rows, out: NDArray[np.float32]) -
         _mix(factors, block, mixed)
         out[:, lines] = mixed.reshape(len(out), -1, *out.shape[2:])
 
-    _in_blocks(mix, rows)
+    _in_blocks(mix, rows, rows[0].shape[0])
 
 
-def _in_blocks(work: Callable[[slice], _Found], rows: Rows) -> list[_Found]:
-    """What `work` makes of each block of lines, in their order."""
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="rows") as threads:
-        return list(threads.map(work, _line_blocks(rows)))
-
-
-def _line_blocks(rows: Rows) -> Iterator[slice]:
-    height, width, n_colors = rows[0].shape
+def _in_blocks(work: Callable[[slice], _Found], rows: Rows, n_lines: int) -> list[_Found]:
+    """What `work` makes of each block of so many lines, in their order."""
+    _, width, n_colors = rows[0].shape
     step = max(1, _BLOCK_VALUES // (len(rows) * width * n_colors))
-    for start in range(0, height, step):
-        yield slice(start, min(start + step, height))
+    blocks = [slice(start, min(start + step, n_lines)) for start in range(0, n_lines, step)]
+    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="rows") as threads:
+        return list(threads.map(work, blocks))
 
 
-def _block(rows: Rows, lines: slice) -> NDArray[np.float32]:
+def _block(rows: Rows, lines: slice | NDArray[np.int64]) -> NDArray[np.float32]:
     """Some lines of all rows, (m, values)."""
-    return np.stack([row[lines].reshape(-1) for row in rows])
+    first = rows[0][lines]
+    block = np.empty((len(rows), first.size), np.float32)
+    block[0] = first.reshape(-1)
+    for target, row in zip(block[1:], rows[1:], strict=True):
+        target.reshape(first.shape)[:] = row[lines]
+    return block
 
 
 def _per_value(usable: NDArray[np.bool_], n_colors: int) -> NDArray[np.bool_]:
     return np.repeat(usable.ravel(), n_colors)
 
 
-# Without "nnan" and "ninf": values that are not finite must be found out.
-_compiled = numba.njit(
-    nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
-)
+# Sums run in lanes of fixed number and nothing is contracted: vectors of any width give the same
+# bits.
+_compiled = numba.njit(nogil=True, cache=True, error_model="numpy")
 
 
 @_compiled
 def _add_products(block, usable, sums):  # type: ignore[no-untyped-def]
-    """Add inner products of usable values to the lower triangle of `sums`, some at a time."""
+    """Add inner products of usable values to the lower triangle of `sums`."""
     n_rows, n_values = block.shape
-    size = 3 * _CHUNK_PIXELS
-    chunk = np.zeros((len(sums), size))
+    size = 8 * _LANES
+    flat = np.empty((n_rows, size))
+    chunk = flat.reshape((n_rows, 8, _LANES))
+    lanes = np.zeros((n_rows, n_rows, _LANES))
     for start in range(0, n_values, size):
         length = min(size, n_values - start)
         kept = usable[start : start + length]
         for k in range(n_rows):
-            source, target = block[k, start : start + length], chunk[k]
+            source, target = block[k, start : start + length], flat[k]
             for i in range(length):
                 target[i] = source[i] if kept[i] else np.float32(0)
             target[length:] = 0
         for a in range(n_rows):
             one = chunk[a]
-            for b in range(0, a + 1, _TOGETHER):
-                first, second, third, fourth = chunk[b], chunk[b + 1], chunk[b + 2], chunk[b + 3]
-                w = x = y = z = 0.0
-                for i in range(size):
-                    w += one[i] * first[i]
-                    x += one[i] * second[i]
-                    y += one[i] * third[i]
-                    z += one[i] * fourth[i]
-                sums[a, b] += w
-                sums[a, b + 1] += x
-                sums[a, b + 2] += y
-                sums[a, b + 3] += z
+            x0, x1, x2, x3 = one[0], one[1], one[2], one[3]
+            x4, x5, x6, x7 = one[4], one[5], one[6], one[7]
+            for b in range(a + 1):
+                other, lane = chunk[b], lanes[a, b]
+                y0, y1, y2, y3 = other[0], other[1], other[2], other[3]
+                y4, y5, y6, y7 = other[4], other[5], other[6], other[7]
+                # Eight products a lane: its sum is loaded once for all.
+                for i in range(_LANES):
+                    lane[i] += (
+                        ((x0[i] * y0[i] + x1[i] * y1[i]) + (x2[i] * y2[i] + x3[i] * y3[i]))
+                        + ((x4[i] * y4[i] + x5[i] * y5[i]) + (x6[i] * y6[i] + x7[i] * y7[i]))
+                    )  # fmt: skip
+    for a in range(n_rows):
+        for b in range(a + 1):
+            for i in range(_LANES):
+                sums[a, b] += lanes[a, b, i]
 
 
 @_compiled
-def _add_values(block, usable, sums):  # type: ignore[no-untyped-def]
-    n_colors = sums.shape[1]
-    for k in range(len(block)):
-        for i in range(len(usable)):
-            if usable[i]:
-                for c in range(n_colors):
-                    sums[k, c] += block[k, n_colors * i + c]
+def _add_values(block, usable, places):  # type: ignore[no-untyped-def]
+    """Add usable values to `places`, (m, chunk), one chunk after the other."""
+    n_values, size = block.shape[1], places.shape[1]
+    for start in range(0, n_values, size):
+        length = min(size, n_values - start)
+        kept = usable[start : start + length]
+        for k in range(len(block)):
+            source, target = block[k, start : start + length], places[k]
+            for i in range(length):
+                target[i] += source[i] if kept[i] else np.float32(0)
 
 
 @_compiled
 def _mix(factors, values, out):  # type: ignore[no-untyped-def]
     """`factors`, (k, m, chunk), repeat with the colours, so that the inner loop has no index."""
     n_out, n_rows, size = factors.shape
-    n_values = values.shape[1]
+    n_values, in_fours = values.shape[1], n_rows - n_rows % 4
     for start in range(0, n_values, size):
-        length = min(size, n_values - start)
+        end = min(start + size, n_values)
         for k in range(n_out):
-            mixed = out[k, start : start + length]
+            mixed, factor = out[k, start:end], factors[k]
             mixed[:] = 0
-            for m in range(n_rows):
-                source, factor = values[m, start : start + length], factors[k, m]
-                for i in range(length):
-                    mixed[i] += factor[i] * source[i]
+            for m in range(0, in_fours, 4):
+                v0, v1 = values[m, start:end], values[m + 1, start:end]
+                v2, v3 = values[m + 2, start:end], values[m + 3, start:end]
+                f0, f1, f2, f3 = factor[m], factor[m + 1], factor[m + 2], factor[m + 3]
+                for i in range(end - start):
+                    mixed[i] += (f0[i] * v0[i] + f1[i] * v1[i]) + (f2[i] * v2[i] + f3[i] * v3[i])
+            for m in range(in_fours, n_rows):
+                source, last = values[m, start:end], factor[m]
+                for i in range(end - start):
+                    mixed[i] += last[i] * source[i]

@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.gradients import gradient_samples
+from processing.strata import sample_stride
 
 CHOICES_PX = (0.0, 1.0, 1.5, 2.0, 3.0)
 _ENOUGH = 12.0
+# They give the power of gradients to 1 % and better.
+_JUDGED_PIXELS = 1 << 17
 
 
 def choose_smoothing(
-    weakest: NDArray[np.float32], mask: NDArray[np.bool_], noise: float, stride_px: int = 1
+    weakest: NDArray[np.float32], mask: NDArray[np.bool_], noise: float
 ) -> tuple[float, bool]:
     """Least smoothing at which noise no longer rules the gradients of the weakest component.
 
@@ -32,14 +35,13 @@ def choose_smoothing(
         bool, (height, width), True where a pixel is usable.
     noise
         Standard deviation of the noise of `weakest`, ≥ 0, in its unit.
-    stride_px
-        Every so many lines and columns a gradient is taken.
 
     Returns
     -------
     smoothing_px, enough
         One of `CHOICES_PX`; False where not even the largest is enough.
     """
+    stride_px = sample_stride(mask, enough=_JUDGED_PIXELS)
     for smoothing_px in CHOICES_PX:
         samples = gradient_samples(weakest[np.newaxis], mask, smoothing_px, stride_px)
         power = float(np.mean(np.square(samples, dtype=np.float64)))

@@ -72,7 +72,7 @@ def resolve(
         (colours, n), means of the principal images over usable pixels.
     """
     alpha, scale, strongest = _scaled(unmixing, vectors)
-    order = np.argsort(np.abs(np.mean(alpha[:, :-1], axis=0) - 1).mean(axis=0), kind="stable")
+    order = _order(alpha)
     matrix = (unmixing * scale[:, :, np.newaxis])[:, order]
     alpha = alpha[:, :, order]
     names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
@@ -83,8 +83,14 @@ def resolve(
 
 
 def scaled_mixing(unmixing: NDArray[np.float64], vectors: NDArray[np.float64]) -> Array:
-    """α, (colours, m, n), of an unmixing as in `resolve`, in the order of its rows."""
-    return _scaled(unmixing, vectors)[0]
+    """α, (colours, m, n), of an unmixing, scaled and ordered as by `resolve`."""
+    alpha = _scaled(unmixing, vectors)[0]
+    return alpha[:, :, _order(alpha)]
+
+
+def _order(alpha: Array) -> NDArray[np.int64]:
+    """Components by the mean of |α − 1| over the pitches, (n,)."""
+    return np.argsort(np.abs(np.mean(alpha[:, :-1], axis=0) - 1).mean(axis=0), kind="stable")
 
 
 def _scaled(

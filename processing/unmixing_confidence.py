@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,14 +15,13 @@ from processing.unmixing import scaled_mixing
 Array = NDArray[np.float64]
 _PARTS = 10
 # More say no more about the spread between parts.
-_MOST_SAMPLES = 1 << 18
+_MOST_SAMPLES = 1 << 17
 
 
 def alpha_half_width(
     samples: NDArray[np.float32],
     white_filter: Array,
     vectors: Array,
-    order: NDArray[np.int64],
     n_iterations: int,
 ) -> Array:
     """Half of the 95 % confidence interval of α, given the principal components.
@@ -33,8 +35,6 @@ def alpha_half_width(
         (colours, n, n), what whitened them.
     vectors
         (m, n), the principal directions.
-    order
-        int, (n,), of the components, see `processing.unmixing.Unmixing`.
     n_iterations
         Of AuxIVA.
 
@@ -42,17 +42,21 @@ def alpha_half_width(
     -------
     (colours, m, n); 0 for white, NaN where a part less leaves nothing to separate.
     """
-    # Bands across the picture, the same for both directions.
     thin = samples[..., :: max(1, -(-samples.shape[2] // _MOST_SAMPLES))]
-    n_samples = thin.shape[2]
-    band = (2 * _PARTS * np.arange(n_samples) // max(n_samples, 1)) % _PARTS
-    sizes = np.bincount(band, minlength=_PARTS).astype(np.float64)
-    without = []
-    for part in range(_PARTS):
+    # Bands across the picture, the same for both directions.
+    edges = -(-thin.shape[2] * np.arange(2 * _PARTS + 1) // (2 * _PARTS))
+    lengths = np.diff(edges).astype(np.float64)
+    sizes = lengths[:_PARTS] + lengths[_PARTS:]
+
+    def without(part: int) -> Array:
+        ends = edges[[0, part, part + 1, part + _PARTS, part + _PARTS + 1, -1]]
+        kept = [thin[..., ends[k] : ends[k + 1]] for k in (0, 2, 4)]
+        rest = np.concatenate(kept, axis=-1)
+        found = auxiva(rest, n_iterations, n_threads=1)
+        return scaled_mixing(found.unmixing @ white_filter, vectors)
+
+    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="parts") as threads:
         try:
-            found = auxiva(np.ascontiguousarray(thin[..., band != part]), n_iterations)
-            without.append(scaled_mixing(found.unmixing @ white_filter, vectors)[..., order])
+            return half_width(np.stack(list(threads.map(without, range(_PARTS)))), sizes)
         except (ValueError, np.linalg.LinAlgError):
-            shape = (len(samples), len(vectors), len(order))
-            return np.full(shape, np.nan)
-    return half_width(np.stack(without), sizes)
+            return np.full((len(samples), *vectors.shape), np.nan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -81,6 +82,33 @@ def test_masked_pixels_estimate_nothing(mixture: Mixture) -> None:
     np.testing.assert_array_equal(one.mixing, other.mixing)
     for component, truth in zip(one.components, mixture.components, strict=True):
         assert relative_error(component, truth, mask) < 0.02
+
+
+def test_a_larger_picture_is_sampled_and_any_number_of_threads_finds_the_same(
+    mixture: Mixture,
+) -> None:
+    """Six by eight tiles of the picture are 0.9 megapixels, of which one in four is sampled."""
+    rows, truths = (np.tile(one, (1, 6, 8, 1)) for one in (mixture.rows, mixture.components))
+    mask = np.ones(rows.shape[1:3], bool)
+    found = decompose_iva(rows, mixture.pitch_px, mask)
+    assert found.names == NAMES
+    for component, truth in zip(found.components, truths, strict=True):
+        assert relative_error(component, truth, mask) < 0.02
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        alone = decompose_iva(rows, mixture.pitch_px, mask)
+    finally:
+        numba.set_num_threads(threads)
+    np.testing.assert_array_equal(found.components, alone.components)
+    np.testing.assert_array_equal(found.mixing_half_width, alone.mixing_half_width)
+
+
+def test_a_single_usable_value_that_is_not_finite_is_found_out(mixture: Mixture) -> None:
+    rows = np.tile(mixture.rows, (1, 6, 8, 1))
+    rows[5, 301, 77, 1] = np.inf
+    with pytest.raises(ValueError, match="not finite"):
+        decompose_iva(rows, mixture.pitch_px, np.ones(rows.shape[1:3], bool))
 
 
 def test_rows_may_be_files_and_so_may_the_result(mixture: Mixture, tmp_path: Path) -> None:

@@ -1,0 +1,100 @@
+"""Independent components of principal images: the unmixing, and how sure it is.
+
+The gradients of a picture's components are nearly independent. They are taken of images smoothed as
+the noise demands, whitened in each colour, and unmixed by AuxIVA; sign, scale and order follow from
+the white row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.auxiva import auxiva
+from processing.gradients import gradient_samples
+from processing.noise import noise_deviation
+from processing.rows import means
+from processing.smoothing import choose_smoothing
+from processing.strata import sample_stride
+from processing.unmixing import Unmixing, resolve
+from processing.unmixing_confidence import alpha_half_width
+from processing.whitening import whitening
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Independence:
+    """What independence says of principal images.
+
+    Parameters
+    ----------
+    unmixing
+        Their components.
+    mixing_half_width
+        float64, (colours, m, n), see `processing.unmixing_confidence`.
+    cost
+        float64, (n_iterations + 1,), of AuxIVA, per sample.
+    smoothing_px
+        Standard deviation of the Gaussian before gradients were taken.
+    noise
+        Standard deviation of the noise of the weakest image.
+    drowned
+        Whether noise rules its gradients at every scale.
+    """
+
+    unmixing: Unmixing
+    mixing_half_width: Array
+    cost: Array
+    smoothing_px: float
+    noise: float
+    drowned: bool
+
+
+def independent(
+    images: NDArray[np.float32],
+    mask: NDArray[np.bool_],
+    vectors: Array,
+    pitch_px: Array,
+    n_iterations: int,
+    smoothing_px: float | None,
+) -> Independence:
+    """Find the independent components of principal images.
+
+    Parameters
+    ----------
+    images
+        float32, (n, height, width, colours), the strongest first.
+    mask
+        bool, (height, width), True where a pixel is usable.
+    vectors
+        (m, n), their directions among the rows of D; the last row belongs to white.
+    pitch_px
+        (m − 1,), pitches of the other rows.
+    n_iterations
+        Of AuxIVA, ≥ 0.
+    smoothing_px
+        Of the Gaussian before gradients are taken; None to choose it from the noise.
+    """
+    light = means(images, mask)
+    if not np.all(np.isfinite(light)):
+        raise ValueError("usable pixels hold values that are not finite; mask them")
+    noise, enough = noise_deviation(images[-1], mask), True
+    if smoothing_px is None:
+        smoothing_px, enough = choose_smoothing(images[-1], mask, noise)
+    samples = gradient_samples(images, mask, smoothing_px, sample_stride(mask))
+    white_filter = _whiten(samples)
+    found = auxiva(samples, n_iterations)
+    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px, light)
+    half_width = alpha_half_width(samples, white_filter, vectors, n_iterations)
+    return Independence(unmixing, half_width, found.cost, smoothing_px, noise, not enough)
+
+
+def _whiten(samples: NDArray[np.float32]) -> Array:
+    """Whiten each colour's samples in place; return the filters, (colours, n, n)."""
+    filters = whitening(samples)
+    for color, matrix in zip(samples, filters.astype(np.float32), strict=True):
+        color[:] = matrix @ color
+    return filters
