@@ -95,7 +95,7 @@ def pack(folders: dict[str, Path], out: Path, file_done: Callable[[], None]) -> 
     size = sum(path.stat().st_size for path in payload.values())
     check_room(out.absolute().parent, size + (1 << 20))
     part = out.with_name(f".{out.name}.part")
-    with storage(out):
+    with storage(out, whole=True):
         part.unlink(missing_ok=True)
         try:
             with zipfile.ZipFile(part, "x", zipfile.ZIP_STORED, allowZip64=True) as archive:
@@ -214,7 +214,7 @@ def unpack(bag: Bag, out: Path, file_done: Callable[[], None]) -> None:
         raise SessionError(f"{out} exists; nothing was written. Give another --out.")
     check_room(out.absolute().parent, sum(bag.entries[n].file_size for n in bag.manifest))
     part = out.with_name(f".{out.name}.part")
-    with storage(out):
+    with storage(out, whole=True):
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         try:

@@ -34,7 +34,7 @@ def check_room(folder: Path, needed_bytes: int) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a name to write to, with the suffix of `path`; it becomes `path` when all went well."""
     part = path.with_name(f".part-{path.name}")
-    with storage(path):
+    with storage(path, whole=True):
         part.unlink(missing_ok=True)
         try:
             yield part

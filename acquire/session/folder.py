@@ -24,6 +24,7 @@ _ADVICE = {
     errno.EACCES: "See who may write there (`ls -l`), and give the same command again.",
 }
 _SAFE = "Everything before it is safe."
+_NOTHING = "Nothing of it was left there, and what it is made of was not touched."
 _ADVICE |= {errno.ENOTDIR: _ADVICE[errno.ENOENT], errno.ENODEV: _ADVICE[errno.EIO]}
 # A disk's cache may hold that many lines; more are no mishap of a power cut.
 MOST_LOST = 16
@@ -114,16 +115,24 @@ def sync_folder(folder: Path) -> None:
 
 
 @contextmanager
-def storage(path: Path) -> Iterator[None]:
-    """Say what an unwritable disk means."""
+def storage(path: Path, *, whole: bool = False) -> Iterator[None]:
+    """Say what an unwritable disk means.
+
+    Parameters
+    ----------
+    path
+        What is written.
+    whole
+        It is there whole or not at all, and what it is made of is only read.
+    """
     try:
         yield
     except OSError as error:
         if error.errno in OUT_OF_SPACE:
             raise StorageError(
-                f"The disk is full: {path} could not be written. Everything before it is safe. "
-                "Make room and give the same command again; it goes on where it stopped."
+                f"The disk is full: {path} could not be written. {_NOTHING if whole else _SAFE} "
+                "Make room and give the same command again"
+                + (", or write elsewhere." if whole else "; it goes on where it stopped.")
             ) from error
-        raise StorageError(
-            f"Cannot write {path}: {error.strerror}. {_ADVICE.get(error.errno or 0, _SAFE)}"
-        ) from error
+        told = _ADVICE.get(error.errno or 0, _NOTHING if whole else _SAFE)
+        raise StorageError(f"Cannot write {path}: {error.strerror}. {told}") from error

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import resource
 import shutil
 import stat
 import subprocess
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from acquire import bag
-from acquire.errors import SessionError
+from acquire.cli.main import app
+from acquire.errors import SessionError, StorageError
 from acquire.pipeline import Options, process
 from acquire.session import Session
 from acquire.session.verification import problems
@@ -181,6 +185,44 @@ def test_nothing_is_replaced(made: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(SessionError, match="exists"):
         unpacked(made / "one.zip", tmp_path / "out")
+
+
+@contextmanager
+def room_for(n_bytes: int) -> Iterator[None]:
+    """As on a disk that fills up while a file is written: the system takes no more of it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+# Parts of the packed file: in the first frame, in the middle, before the directory at its end.
+@pytest.mark.parametrize("part", [0.001, 0.5, 0.98])
+def test_a_disk_that_fills_up_leaves_no_half_file_and_the_session_as_it_was(
+    made: Path, tmp_path: Path, part: float
+) -> None:
+    before = digests(made / "session")
+    with room_for(int(part * (made / "one.zip").stat().st_size)):
+        words = ["pack", str(made / "session"), str(made / "result"), "--out"]
+        run = CliRunner().invoke(app, [*words, str(tmp_path / "x.zip"), "--quiet"])
+    assert isinstance(run.exception, StorageError)
+    said = str(run.exception)
+    assert f"The disk is full: {tmp_path / 'x.zip'} could not be written." in said
+    assert "Nothing of it was left there" in said
+    assert not list(tmp_path.iterdir())
+    assert digests(made / "session") == before
+    bag.pack({"session": made / "session"}, tmp_path / "x.zip", nothing)
+
+
+def test_a_disk_that_fills_up_leaves_nothing_half_unpacked(made: Path, tmp_path: Path) -> None:
+    with room_for((made / "session/frames/000000.dng").stat().st_size // 2):
+        words = ["unpack", str(made / "one.zip"), "--out", str(tmp_path / "out"), "--quiet"]
+        run = CliRunner().invoke(app, words)
+    assert isinstance(run.exception, StorageError)
+    assert "The disk is full" in str(run.exception)
+    assert not list(tmp_path.iterdir())
 
 
 def patched(made: Path, tmp_path: Path, change: Callable[[zipfile.ZipFile], object]) -> Path:
