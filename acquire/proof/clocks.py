@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from acquire.proof.records import read_proofs
 from acquire.session import Session
 
-# Files tell whole seconds of the exposure, the other clock the end of a delivery, which varies.
+# Files may tell whole seconds of the exposure, the other clock the end of a delivery, which varies.
 CAMERA_JUMP_S = 5.0
 _FORMAT = "%Y:%m:%d %H:%M:%S"
 
@@ -36,7 +36,9 @@ def camera_clock_jumps(session: Session) -> Iterator[str]:
 
 
 def _seconds(camera_time: str) -> float | None:
+    second, _, part = camera_time.partition(".")
     try:
-        return datetime.strptime(camera_time, _FORMAT).replace(tzinfo=UTC).timestamp()
+        whole = datetime.strptime(second, _FORMAT).replace(tzinfo=UTC).timestamp()
+        return whole + float(f"0.{part or 0}")
     except ValueError:
         return None

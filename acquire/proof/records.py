@@ -50,7 +50,7 @@ class FrameProof(StrictModel):
     moved_px: tuple[float, float] | None = None
     saturated: float = 0.0
     unlit: float | None = None
-    camera_time: str = Field(default="", max_length=19)
+    camera_time: str = Field(default="", max_length=23)
     kept: bool = False
 
     @property

@@ -14,7 +14,7 @@ from acquire.session import Transfer
 
 GRID_SIDE = 128
 WINDOW_SIDE = 192
-_DATE_TIME = 306
+_DATE_TIME, _EXIF, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 306, 34665, 36867, 37521
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +60,20 @@ def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSampl
 
 
 def _camera_time(data: bytes) -> str:
-    """DateTime of the first directory of a TIFF-like file."""
+    """When a TIFF-like file was exposed by its camera's clock, as far as it tells."""
     if data[:2] not in {b"II", b"MM"}:
         return ""
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
-            tag = file.pages.first.tags.get(_DATE_TIME)
-            text = "" if tag is None else str(tag.value)
+            tags = {tag.code: tag.value for tag in file.pages.first.tags}
+            exif = tags.get(_EXIF)
+            if isinstance(exif, dict):
+                tags[_DATE_TIME_ORIGINAL] = exif.get("DateTimeOriginal")
+                tags[_SUB_SECONDS] = exif.get("SubsecTimeOriginal")
+            text = str(tags.get(_DATE_TIME_ORIGINAL) or tags.get(_DATE_TIME) or "")[:19]
+            part = str(tags.get(_SUB_SECONDS) or "").strip()[:3]
     except Exception:  # noqa: BLE001 - tifffile lets out whatever its parsing trips over
         return ""
-    return text[:19] if text.isprintable() else ""
+    if not text.isprintable():
+        return ""
+    return f"{text}.{part}" if part.isdecimal() and part.isascii() else text

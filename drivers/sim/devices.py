@@ -131,9 +131,21 @@ class SimulatedProjector:
 
 
 class SimulatedCamera:
-    """A camera on the simulated bench (see `drivers.protocols.Camera`)."""
+    """A camera on the simulated bench (see `drivers.protocols.Camera`).
+
+    Parameters
+    ----------
+    stage
+        What it shares with the projector.
+
+    Attributes
+    ----------
+    ahead_s
+        How far its clock, which its files tell, is ahead of the bench's.
+    """
 
     def __init__(self, stage: Stage) -> None:
+        self.ahead_s = 0.0
         self._stage = stage
         self._open = True
         self._settings = REFERENCE
@@ -190,7 +202,7 @@ class SimulatedCamera:
             stage.defects.read_noise_e,
             chance.noise,
         )
-        return encode_dng(counts, settings)
+        return encode_dng(counts, settings, stage.clock.now() + self.ahead_s)
 
 
 @dataclass(frozen=True, slots=True)

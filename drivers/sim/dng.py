@@ -1,12 +1,14 @@
 """Raw files of the simulated camera: uncompressed 14-bit Bayer DNG.
 
-Tags after the Adobe Digital Negative specification, version 1.4. The exposure stands in IFD 0,
-where TIFF/EP has it.
+Tags after the Adobe Digital Negative specification, version 1.4. The exposure and its time
+stand in IFD 0, where TIFF/EP has them.
 """
 
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from fractions import Fraction
 from functools import lru_cache
 
@@ -22,9 +24,11 @@ WHITE_LEVEL = 16383
 
 _CFA_PHOTOMETRIC = 32803
 _RGGB = bytes([0, 1, 1, 2])
+_DATE_TIME, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 306, 36867, 37521
+_NO_TIME = "0000:00:00 00:00:00"
 
 
-def encode_dng(counts: NDArray[np.uint16], settings: CameraSettings) -> bytes:
+def encode_dng(counts: NDArray[np.uint16], settings: CameraSettings, time_s: float = 0.0) -> bytes:
     """A DNG file that holds `counts` unchanged.
 
     Parameters
@@ -34,16 +38,35 @@ def encode_dng(counts: NDArray[np.uint16], settings: CameraSettings) -> bytes:
         0 to 16383 with black at 512.
     settings
         Written into the file's exposure tags.
+    time_s
+        When the exposure began, by the camera's clock, seconds since 1970-01-01 UTC; written to
+        the hundredth of a second.
     """
     if counts.ndim != 2 or counts.shape[0] % 2 or counts.shape[1] % 2:
         raise ValueError(f"an RGGB mosaic has even sides (height, width), not {counts.shape}")
-    head, tail = _frame_around(counts.shape, settings)
-    return head + counts.astype("<u2", copy=False).tobytes() + tail
+    around = _around(counts.shape, settings)
+    began = datetime.fromtimestamp(round(100 * time_s) // 100, UTC)
+    told = dict.fromkeys((_DATE_TIME, _DATE_TIME_ORIGINAL), f"{began:%Y:%m:%d %H:%M:%S}")
+    told[_SUB_SECONDS] = f"{round(100 * time_s) % 100:02d}"
+    head = bytearray(around.head)
+    for code, text in told.items():
+        place = around.times[code]
+        head[place : place + len(text)] = text.encode()
+    return bytes(head) + counts.astype("<u2", copy=False).tobytes() + around.tail
+
+
+@dataclass(frozen=True, slots=True)
+class _Around:
+    """What stands before and after the photosites; where in it the times are, by their tags."""
+
+    head: bytes
+    tail: bytes
+    times: dict[int, int]
 
 
 @lru_cache(maxsize=16)
-def _frame_around(shape: tuple[int, int], settings: CameraSettings) -> tuple[bytes, bytes]:
-    """What stands before and after the photosites in a file of this size and exposure."""
+def _around(shape: tuple[int, int], settings: CameraSettings) -> _Around:
+    """Of a file of this size and exposure."""
     buffer = io.BytesIO()
     tifffile.imwrite(
         buffer,
@@ -53,12 +76,15 @@ def _frame_around(shape: tuple[int, int], settings: CameraSettings) -> tuple[byt
         rowsperstrip=shape[0],
         metadata=None,
         software=False,
+        datetime=_NO_TIME,
         extratags=_tags(settings),
     )
     data = buffer.getvalue()
     with tifffile.TiffFile(io.BytesIO(data)) as file:
-        start = file.pages.first.dataoffsets[0]
-    return data[:start], data[start + 2 * shape[0] * shape[1] :]
+        start, tags = file.pages.first.dataoffsets[0], file.pages.first.tags
+        codes = (_DATE_TIME, _DATE_TIME_ORIGINAL, _SUB_SECONDS)
+        times = {code: tags[code].valueoffset for code in codes}
+    return _Around(data[:start], data[start + 2 * shape[0] * shape[1] :], times)
 
 
 def _tags(settings: CameraSettings) -> list[tuple[int, str, int, object, bool]]:
@@ -78,6 +104,8 @@ def _tags(settings: CameraSettings) -> list[tuple[int, str, int, object, bool]]:
         (50778, "H", 1, 21, True),  # CalibrationIlluminant1: D65
         (50728, "2I", 3, _rationals((1.0, 1.0, 1.0)), True),  # AsShotNeutral
         (33434, "2I", 1, _rationals((settings.exposure_s,)), True),  # ExposureTime
+        (_DATE_TIME_ORIGINAL, "s", 0, _NO_TIME, True),
+        (_SUB_SECONDS, "s", 0, "00", True),
     ]
     if settings.aperture is not None:
         tags.append((33437, "2I", 1, _rationals((settings.aperture,)), True))  # FNumber

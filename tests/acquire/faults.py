@@ -13,14 +13,15 @@ from acquire.rig.bench import Resumption, closed_with
 from drivers.errors import ProjectorError
 from drivers.protocols import Camera, CameraSettings, Clock, Devices, Projector, Raster, RawFrame
 from drivers.sim.clock import EPOCH_S
+from drivers.sim.devices import SimulatedCamera
 
 
 @dataclass
 class Faults:
     """What befalls the devices, by the number of the exposure in the session, from 0.
 
-    The times are in all, when so many exposures were made: by how much the wall clock was set, and
-    how long the computer was suspended.
+    The times are in all, when so many exposures were made: by how much the wall clock was set, how
+    long the computer was suspended, and by how much the camera's clock was set.
     """
 
     dark: Callable[[int], bool] = lambda _: False
@@ -30,6 +31,7 @@ class Faults:
     lost: Callable[[int], BaseException | None] = lambda _: None
     clock_off_s: Callable[[int], float] = lambda _: 0.0
     slept_s: Callable[[int], float] = lambda _: 0.0
+    camera_off_s: Callable[[int], float] = lambda _: 0.0
 
 
 @dataclass
@@ -81,6 +83,8 @@ class FaultyBench:
         if error is not None:
             raise error
         started_s = self.clock.now()
+        if isinstance(self.camera_, SimulatedCamera):
+            self.camera_.ahead_s = self.faults.camera_off_s(self.number)
         frame = self.camera_.capture(settings)
         error = self.faults.lost(self.number)
         if error is not None:

@@ -30,6 +30,7 @@ from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
 from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
 from tests.acquire.faults import Faults, with_faults
+from tests.raws import counts
 
 PLAN = small_plan("[pattern]\npitch_px = [8]\n")
 BENCH = small_bench(late=0.06, dropped=0.04, swapped=0.04, full_well_e=2500.0, read_noise_e=50.0)
@@ -175,7 +176,8 @@ def test_what_no_power_cut_explains_is_refused_and_left_alone(
 
 
 def contents(session: Session) -> list[bytes]:
-    return [session.read(frame) for frame in session.frames]
+    """What befell a capture shows in the times that its files tell, and in nothing else."""
+    return [counts(session.read(frame)) for frame in session.frames]
 
 
 @pytest.fixture(scope="module")
@@ -307,7 +309,7 @@ def undisturbed(lit: SimulatedBench) -> list[bytes]:
     for number in range(len(FEW)):
         step = FEW.step(number)
         lit.projector.show(FEW.projector.raster(step.pattern, (48, 64)))
-        frames.append(lit.camera.capture(step.settings).data)
+        frames.append(counts(lit.camera.capture(step.settings).data))
     return frames
 
 

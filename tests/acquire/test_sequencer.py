@@ -19,6 +19,7 @@ from drivers.errors import CameraError, CameraTimeoutError, ProjectorError
 from drivers.protocols import CameraSettings, Devices, Raster, RawFrame
 from drivers.sim.clock import SimulatedClock
 from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
+from tests.raws import counts
 
 RESOLUTION = (48, 64)
 
@@ -246,7 +247,8 @@ def test_rested_before_every_frame_the_files_are_the_same(tmp_path: Path) -> Non
     attendant.start()
     rested, _ = captured(tmp_path / "rested", bench=bench, notes=Restless(), pause=pause)
     assert attendant.dismiss() >= len(whole.frames) // 2 - 1
-    assert [frame.sha256 for frame in rested.frames] == [frame.sha256 for frame in whole.frames]
+    light = [[counts(one.read(frame)) for frame in one.frames] for one in (rested, whole)]
+    assert light[0] == light[1]
 
 
 def test_same_plan_and_seed_same_bytes_other_seed_other_bytes(tmp_path: Path) -> None:

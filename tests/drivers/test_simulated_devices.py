@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from drivers.raw import decode_raw
 from drivers.sim.defects import Defects
 from drivers.sim.devices import RunPosition, SimulatedBench, SimulationConfig, build
 from processing.patterns import Pattern
+from tests.raws import counts
 
 PROJECTOR_PX = (72, 96)
 EXPOSURE = CameraSettings(exposure_s=0.1, aperture=8.0, iso=200)
@@ -149,7 +152,7 @@ def test_a_camera_that_times_out_may_succeed_the_next_time() -> None:
     frames = [frame for frame in outcomes if frame is not None]
     # Binomial, n = 60, p = ½: four standard deviations are 15.5.
     assert 14 < len(frames) < 46
-    assert {frame.data for frame in frames} == {frames[0].data}
+    assert {counts(frame.data) for frame in frames} == {counts(frames[0].data)}
 
 
 def attempt(on: SimulatedBench) -> RawFrame | None:
@@ -336,7 +339,7 @@ def test_looking_does_not_change_what_is_captured() -> None:
                 view = on.camera.live_view()
                 assert next(view) != next(view)
                 view.close()
-            frames.append(on.camera.capture(EXPOSURE).data)
+            frames.append(counts(on.camera.capture(EXPOSURE).data))
     assert frames[:3] == frames[3:]
 
 
@@ -357,3 +360,15 @@ def test_in_real_time_waiting_takes_its_time_and_files_are_the_same() -> None:
     frames = [on.camera.capture(EXPOSURE) for on in (paced, quick)]
     assert time.monotonic() - before_s >= EXPOSURE.exposure_s
     assert frames[0] == frames[1]
+
+
+def test_files_tell_when_they_were_exposed_by_the_cameras_clock() -> None:
+    on = bench()
+    on.camera.ahead_s = 1.25
+    told = []
+    for _ in range(2):
+        file = tifffile.TiffFile(io.BytesIO(on.camera.capture(EXPOSURE).data))
+        told.append([file.pages.first.tags[code].value for code in (306, 36867, 37521)])
+    # Simulated runs begin with 2026; a frame takes 0.1 s and 0.05 s to be delivered.
+    second = "2026:01:01 00:00:01"
+    assert told == [[second, second, "25"], [second, second, "40"]]
