@@ -27,10 +27,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.linear_algebra import log_determinant, product, solved
+
 _FLOOR_ONE_COLOR = 1e-2
 _GUARD = 1e-12
 # A chunk's intermediate values stay in the first-level cache; blocks are what threads share out.
 _CHUNK_SAMPLES = 256
+# Sums that run beside each other.
+_LANES = _CHUNK_SAMPLES // 8
 _BLOCK_SAMPLES = 32 * _CHUNK_SAMPLES
 # Of this many blocks together a thread takes its share.
 _TOGETHER = 8
@@ -65,7 +69,8 @@ def auxiva(
 
     Each iteration reads the data once: r of the rows that a sweep has yet to change is known at
     its beginning, so the weighted covariances of all sources come from the same read. Sums are
-    taken over fixed blocks in a fixed order; the number of threads does not change a bit.
+    taken over fixed blocks in a fixed order; neither the number of threads nor the processor
+    changes a bit.
 
     Parameters
     ----------
@@ -121,7 +126,7 @@ def _descended(data: Mixtures, n_iterations: int, each: _Each) -> AuxivaResult:
         unmixing = _swept(unmixing, covariances)
         more = iteration < n_iterations
         penalty, covariances = _statistics(data, unmixing, floor, each, with_covariances=more)
-        cost[iteration] = penalty - np.linalg.slogdet(unmixing)[1].sum()
+        cost[iteration] = penalty - sum(map(log_determinant, unmixing))
     return AuxivaResult(unmixing, cost)
 
 
@@ -161,15 +166,13 @@ def _swept(unmixing: NDArray[np.float64], covariances: NDArray[np.float64]) -> N
     """
     unmixing = unmixing.copy()
     n_colors, n_components, _ = unmixing.shape
-    for component in range(n_components):
-        unit = np.zeros((n_colors, n_components, 1))
-        unit[:, component] = 1
+    for component, unit in enumerate(np.eye(n_components)):
         covariance = covariances[component]
         try:
-            row = np.linalg.solve(unmixing @ covariance, unit)[..., 0]
+            row = np.stack([solved(one, unit) for one in product(unmixing, covariance)])
         except np.linalg.LinAlgError:
             row = np.full((n_colors, n_components), np.nan)
-        energy = np.einsum("ci,cij,cj->c", row, covariance, row)
+        energy = np.sum(row[:, :, np.newaxis] * covariance * row[:, np.newaxis], axis=(1, 2))
         if not (np.all(np.isfinite(energy)) and np.all(energy > 0)):
             raise ValueError(
                 f"the {n_components} mixtures of a colour depend on each other, so they cannot "
@@ -215,10 +218,9 @@ def _statistics(
     return float(penalties.sum() / n_samples), lower + strictly_lower.swapaxes(-1, -2)
 
 
-# NaN must survive, hence no "nnan" or "ninf": only the order within a chunk is the compiler's.
-_compiled = numba.njit(
-    cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"}
-)
+# Sums run in lanes of fixed number and nothing is contracted: vectors of any width give the same
+# bits.
+_compiled = numba.njit(cache=True, error_model="numpy")
 
 
 @numba.njit(nogil=True, cache=True)
@@ -235,20 +237,31 @@ def _add_block(mixtures, block, model, with_covariances, sums):  # type: ignore[
     n_colors, n_components, n_samples = mixtures.shape
     chunk = np.empty((n_colors, n_components, _CHUNK_SAMPLES))
     weights = np.empty((n_components, _CHUNK_SAMPLES))
+    penalties = np.zeros(_LANES)
+    lanes = np.zeros((n_components, n_colors, n_components, n_components, _LANES))
     block_end = min((block + 1) * _BLOCK_SAMPLES, n_samples)
-    penalty = 0.0
     for start in range(block * _BLOCK_SAMPLES, block_end, _CHUNK_SAMPLES):
         end = min(start + _CHUNK_SAMPLES, block_end)
         _load(mixtures, start, end, chunk)
-        penalty += _weigh(chunk, model, weights)
-        penalty -= n_components * (start + _CHUNK_SAMPLES - end) * model[1] / 2
-        if not with_covariances:
-            continue
-        if n_components == 3:
-            _add_covariances_of_three(chunk, weights, sums)
-        else:
-            _add_covariances(chunk, weights, sums)
-    return penalty
+        _weigh(chunk, model, weights, penalties)
+        if with_covariances:
+            _add_covariances(chunk, weights, lanes)
+    for c in range(n_colors):
+        for i in range(n_components):
+            for j in range(i + 1):
+                for k in range(n_components):
+                    sums[k, c, i, j] = _total(lanes[k, c, i, j])
+    # What fills up the last chunk weighs as much as the floor.
+    filled = -(block_end - block * _BLOCK_SAMPLES) % _CHUNK_SAMPLES
+    return (_total(penalties) - filled * n_components * model[1]) / 2
+
+
+@_compiled
+def _total(lanes):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(_LANES):
+        total += lanes[i]
+    return total
 
 
 @_compiled
@@ -264,12 +277,11 @@ def _load(mixtures, start, end, chunk):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _weigh(chunk, model, weights):  # type: ignore[no-untyped-def]
-    """Fill weights, (n_components, samples), with 1/max(r_k, ε); return the sum of h(r_k)."""
+def _weigh(chunk, model, weights, penalties):  # type: ignore[no-untyped-def]
+    """Fill weights, (n_components, samples), with 1/max(r_k, ε); add 2 h(r_k) to the lanes."""
     unmixing, floor, components = model
     least = floor * floor
     one = np.float32(1)
-    penalty = 0.0
     for k in range(len(components)):
         energy = weights[k]
         energy[:] = 0.0
@@ -279,59 +291,43 @@ def _weigh(chunk, model, weights):  # type: ignore[no-untyped-def]
                 for i in range(len(components)):
                     source += unmixing[c, k, i] * chunk[c, i, n]
                 energy[n] += source * source
-        for n in range(_CHUNK_SAMPLES):
-            floored = energy[n] if energy[n] > least else least
-            # The root in float32, then a step of Newton's, is right to 1e-14 and half the work.
-            weight = np.float64(one / np.sqrt(np.float32(floored)))
-            weight *= 1.5 - 0.5 * floored * weight * weight
-            penalty += (energy[n] + floored) * weight
-            energy[n] = weight
-    return penalty / 2
+        for first in range(0, _CHUNK_SAMPLES, _LANES):
+            some = energy[first : first + _LANES]
+            for n in range(_LANES):
+                floored = some[n] if some[n] > least else least
+                # The root in float32, then a step of Newton's, is right to 1e-14 and half the work.
+                weight = np.float64(one / np.sqrt(np.float32(floored)))
+                weight *= 1.5 - 0.5 * floored * weight * weight
+                penalties[n] += (some[n] + floored) * weight
+                some[n] = weight
 
 
 @_compiled
 def _add_covariances(chunk, weights, sums):  # type: ignore[no-untyped-def]
-    """Add the weighted products of mixtures i ≥ j of each colour to sums[k, c, i, j]."""
+    """Add the weighted products of mixtures i ≥ j of each colour to the lanes sums[k, c, i, j]."""
     n_colors, n_components, _ = chunk.shape
-    product = np.empty(_CHUNK_SAMPLES)
+    p = np.empty(_CHUNK_SAMPLES)
     for c in range(n_colors):
         for i in range(n_components):
             for j in range(i + 1):
                 for n in range(_CHUNK_SAMPLES):
-                    product[n] = chunk[c, i, n] * chunk[c, j, n]
+                    p[n] = chunk[c, i, n] * chunk[c, j, n]
                 for k in range(n_components):
-                    total = 0.0
-                    for n in range(_CHUNK_SAMPLES):
-                        total += weights[k, n] * product[n]
-                    sums[k, c, i, j] += total
-
-
-@_compiled
-def _add_covariances_of_three(chunk, weights, sums):  # type: ignore[no-untyped-def]
-    """The same for three components, the usual number: all 18 sums stay in registers.
-
-    Measured: three times as fast as the loops above, which load every product three times.
-    """
-    first, second, third = weights[0], weights[1], weights[2]
-    for c in range(chunk.shape[0]):
-        x0, x1, x2 = chunk[c, 0], chunk[c, 1], chunk[c, 2]
-        a0 = a1 = a2 = b0 = b1 = b2 = d0 = d1 = d2 = 0.0
-        e0 = e1 = e2 = f0 = f1 = f2 = g0 = g1 = g2 = 0.0
-        for n in range(_CHUNK_SAMPLES):
-            x, y, z = x0[n], x1[n], x2[n]
-            u, v, w = first[n], second[n], third[n]
-            a0, a1, a2 = a0 + x * x * u, a1 + x * x * v, a2 + x * x * w
-            b0, b1, b2 = b0 + y * x * u, b1 + y * x * v, b2 + y * x * w
-            d0, d1, d2 = d0 + y * y * u, d1 + y * y * v, d2 + y * y * w
-            e0, e1, e2 = e0 + z * x * u, e1 + z * x * v, e2 + z * x * w
-            f0, f1, f2 = f0 + z * y * u, f1 + z * y * v, f2 + z * y * w
-            g0, g1, g2 = g0 + z * z * u, g1 + z * z * v, g2 + z * z * w
-        by_source = ((a0, b0, d0, e0, f0, g0), (a1, b1, d1, e1, f1, g1), (a2, b2, d2, e2, f2, g2))
-        for k in range(3):
-            total = sums[k, c]
-            total[0, 0] += by_source[k][0]
-            total[1, 0] += by_source[k][1]
-            total[1, 1] += by_source[k][2]
-            total[2, 0] += by_source[k][3]
-            total[2, 1] += by_source[k][4]
-            total[2, 2] += by_source[k][5]
+                    # Eight products a lane: its sum is loaded once for all.
+                    for n in range(_LANES):
+                        sums[k, c, i, j, n] += (
+                            (p[n] * weights[k, n] + p[n + _LANES] * weights[k, n + _LANES])
+                            + (
+                                p[n + 2 * _LANES] * weights[k, n + 2 * _LANES]
+                                + p[n + 3 * _LANES] * weights[k, n + 3 * _LANES]
+                            )
+                        ) + (
+                            (
+                                p[n + 4 * _LANES] * weights[k, n + 4 * _LANES]
+                                + p[n + 5 * _LANES] * weights[k, n + 5 * _LANES]
+                            )
+                            + (
+                                p[n + 6 * _LANES] * weights[k, n + 6 * _LANES]
+                                + p[n + 7 * _LANES] * weights[k, n + 7 * _LANES]
+                            )
+                        )

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.elementary import exp
 from processing.strata import stratified
 
 Image = NDArray[np.float32]
@@ -111,7 +112,7 @@ def _gaussian(smoothing_px: float) -> Image:
     if smoothing_px == 0:
         return np.ones(1, np.float32)
     places = np.arange(int(_REACH * smoothing_px + 0.5) + 1)
-    weights = np.exp(-0.5 * (places / smoothing_px) ** 2)
+    weights = exp(-0.5 * (places / smoothing_px) ** 2)
     taps: Image = (weights / (2 * weights.sum() - weights[0])).astype(np.float32)
     return taps
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from processing.auxiva import auxiva
 from processing.gradients import gradient_samples
+from processing.linear_algebra import product
 from processing.noise import noise_deviation
 from processing.rows import means
 from processing.smoothing import choose_smoothing
@@ -87,7 +88,7 @@ def independent(
     samples = gradient_samples(images, mask, smoothing_px, sample_stride(mask))
     white_filter = _whiten(samples)
     found = auxiva(samples, n_iterations)
-    unmixing = resolve(found.unmixing @ white_filter, vectors, pitch_px, light)
+    unmixing = resolve(product(found.unmixing, white_filter), vectors, pitch_px, light)
     half_width = alpha_half_width(samples, white_filter, vectors, n_iterations)
     return Independence(unmixing, half_width, found.cost, smoothing_px, noise, not enough)
 
@@ -96,5 +97,5 @@ def _whiten(samples: NDArray[np.float32]) -> Array:
     """Whiten each colour's samples in place; return the filters, (colours, n, n)."""
     filters = whitening(samples)
     for color, matrix in zip(samples, filters.astype(np.float32), strict=True):
-        color[:] = matrix @ color
+        color[:] = product(matrix, color)
     return filters

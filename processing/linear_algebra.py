@@ -7,26 +7,33 @@ product may have any length.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from processing.elementary import log
+
 Array = NDArray[np.float64]
+_Floats = TypeVar("_Floats", NDArray[np.float64], NDArray[np.float32])
 
 # They converge within some six.
 _MOST_SWEEPS = 60
 _ROUNDING = 1e-16
 
 
-def product(first: Array, second: Array) -> Array:
-    """The matrix product of (k, m) and (m, n), or of (m, n) with a vector of (n,)."""
-    if first.ndim != 2 or second.ndim not in (1, 2) or first.shape[1] != second.shape[0]:
+def product(first: _Floats, second: _Floats) -> _Floats:
+    """The matrix product of (…, k, m) and (…, m, n), or of (k, m) with a vector of (m,)."""
+    vector = second.ndim == 1
+    right = second[:, np.newaxis] if vector else second
+    if first.ndim < 2 or first.shape[-1] != right.shape[-2]:
         raise ValueError(f"there is no product of shapes {first.shape} and {second.shape}")
-    columns = second if second.ndim == 2 else second[:, np.newaxis]
-    total = np.zeros((len(first), columns.shape[1]))
-    for left, right in zip(first.T, columns, strict=True):
-        total += left[:, np.newaxis] * right
-    return total if second.ndim == 2 else total[:, 0]
+    ahead: tuple[int, ...] = np.broadcast_shapes(first.shape[:-2], right.shape[:-2])
+    total = np.zeros((*ahead, first.shape[-2], right.shape[-1]), first.dtype)
+    for k in range(first.shape[-1]):
+        total += first[..., :, k, np.newaxis] * right[..., k, np.newaxis, :]
+    return total[..., 0] if vector else total
 
 
 def inner(first: Array, second: Array) -> float:
@@ -61,8 +68,18 @@ def solved(matrix: Array, right: Array) -> Array:
 
 
 def inverse(matrix: Array) -> Array:
-    """The inverse of (n, n), see `solved`."""
-    return solved(matrix, np.eye(len(matrix)))
+    """The inverse of (…, n, n), see `solved`."""
+    size = matrix.shape[-1]
+    inverses = [solved(one, np.eye(size)) for one in matrix.reshape(-1, size, size)]
+    return np.stack(inverses).reshape(matrix.shape)
+
+
+def log_determinant(matrix: Array) -> float:
+    """Ln |det| of (n, n); −∞ of a singular one."""
+    joined = np.array(matrix, np.float64)
+    if not _eliminate(joined):
+        return -np.inf
+    return float(np.sum(log(np.abs(np.diagonal(joined)))))
 
 
 def least_squares(rows: Array, values: Array) -> Array:

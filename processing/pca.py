@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.linear_algebra import symmetric_eigen
 from processing.rows import Rows, check_rows, gram
 from processing.strata import stratified
 
@@ -57,7 +58,7 @@ def principal_components(
     energy = float(np.trace(products))
     if energy <= 0:
         raise ValueError("no light in any usable pixel: is the mask right, was the lamp on?")
-    values, vectors = np.linalg.eigh(products)
+    values, vectors = symmetric_eigen(products)
     values, vectors = values[::-1], vectors[:, ::-1]
     largest = np.abs(vectors).argmax(axis=0)
     signs = np.sign(vectors[largest, np.arange(n_rows)])

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.linear_algebra import inverse, product
 from processing.remarks import Remark
 
 # α of direct light at the finest pitch: below 1 by blur, but clearly above every other.
@@ -76,7 +77,7 @@ def resolve(
     matrix = (unmixing * scale[:, :, np.newaxis])[:, order]
     alpha = alpha[:, :, order]
     names = component_names(np.median(alpha, axis=0)[:-1], pitch_px)
-    means = np.einsum("ckn,cn->ck", matrix, principal_means)
+    means = product(matrix, principal_means[..., np.newaxis])[..., 0]
     absent = (np.abs(scale) < _LEAST_WHITE * strongest)[:, order]
     warnings = (*_unphysical(np.median(alpha, axis=0)), *_warnings(names, means, absent))
     return Unmixing(matrix, alpha, order, names, warnings)
@@ -97,7 +98,7 @@ def _scaled(
     unmixing: NDArray[np.float64], vectors: NDArray[np.float64]
 ) -> tuple[Array, Array, Array]:
     """α, and what it was divided by and the strongest row of it, (colours, n) each."""
-    mixing = vectors @ np.linalg.inv(unmixing)
+    mixing = product(vectors, inverse(unmixing))
     white = mixing[:, -1]
     strongest = np.abs(mixing).max(axis=1)
     # A component that is absent from white has no scale; it gets one that keeps it finite.

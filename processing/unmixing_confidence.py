@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from processing.auxiva import auxiva
 from processing.jackknife import half_width
+from processing.linear_algebra import product
 from processing.unmixing import scaled_mixing
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ def alpha_half_width(
         kept = [thin[..., ends[k] : ends[k + 1]] for k in (0, 2, 4)]
         rest = np.concatenate(kept, axis=-1)
         found = auxiva(rest, n_iterations, n_threads=1)
-        return scaled_mixing(found.unmixing @ white_filter, vectors)
+        return scaled_mixing(product(found.unmixing, white_filter), vectors)
 
     with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="parts") as threads:
         try:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.linear_algebra import inner, product, symmetric_eigen
+
 # Below this part of the largest eigenvalue a covariance of float32 data is rounding alone.
 _RANK_TOLERANCE = 1e-12
 
@@ -29,24 +31,28 @@ def whitening(mixtures: NDArray[np.float32]) -> NDArray[np.float64]:
     """
     n_samples = mixtures.shape[2]
     covariances = np.stack([_gram(color) for color in mixtures]) / n_samples
-    scale = np.sqrt(np.einsum("cii->ci", covariances))
+    scale = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     if not np.all(scale > 0):
         raise ValueError("a mixture has no gradients at all; ask for fewer components")
     # Mixtures differ by orders of magnitude: at equal scale only dependence makes a small root.
-    values, vectors = np.linalg.eigh(covariances / (scale[:, :, None] * scale[:, None, :]))
+    scaled = covariances / (scale[:, :, None] * scale[:, None, :])
+    values, vectors = map(np.stack, zip(*map(symmetric_eigen, scaled), strict=True))
     if np.any(values < _RANK_TOLERANCE * values.max()):
         raise ValueError(
             f"the {mixtures.shape[1]} mixtures of a colour depend on each other; "
             "ask for fewer components"
         )
-    root = (vectors / np.sqrt(values)[:, None, :]) @ vectors.swapaxes(1, 2)
+    root = product(vectors / np.sqrt(values)[:, None, :], vectors.swapaxes(1, 2))
     matrices: NDArray[np.float64] = root / scale[:, None, :]
     return matrices
 
 
 def _gram(mixtures: NDArray[np.float32]) -> NDArray[np.float64]:
-    total = np.zeros((mixtures.shape[0], mixtures.shape[0]))
+    n_mixtures = len(mixtures)
+    total = np.zeros((n_mixtures, n_mixtures))
     for start in range(0, mixtures.shape[1], 1 << 18):
         block = mixtures[:, start : start + (1 << 18)].astype(np.float64)
-        total += block @ block.T
-    return total
+        for i in range(n_mixtures):
+            for j in range(i + 1):
+                total[i, j] += inner(block[i], block[j])
+    return total + np.tril(total, -1).T

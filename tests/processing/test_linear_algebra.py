@@ -9,6 +9,7 @@ from processing.linear_algebra import (
     inner,
     inverse,
     least_squares,
+    log_determinant,
     product,
     solved,
     symmetric_eigen,
@@ -73,6 +74,22 @@ def test_products_and_sums() -> None:
     np.testing.assert_allclose(product(first, second[:, 0]), first @ second[:, 0], atol=1e-12)
     assert product(np.ones((2, 0)), np.ones((0, 3))).tolist() == [[0.0] * 3] * 2
     assert inner(first, first) == pytest.approx(np.sum(first**2), rel=1e-14)
+
+
+def test_stacks_and_single_precision() -> None:
+    first, second = rng().standard_normal((2, 3, 4)), rng().standard_normal((4, 5))
+    np.testing.assert_allclose(product(first, second), first @ second, atol=1e-13)
+    single = product(first[0].astype(np.float32), second.astype(np.float32))
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, first[0] @ second, atol=1e-5)
+    square = rng().standard_normal((2, 4, 4))
+    np.testing.assert_allclose(inverse(square) @ square, [np.eye(4)] * 2, atol=1e-10)
+
+
+def test_determinants() -> None:
+    matrix = rng().standard_normal((5, 5))
+    assert log_determinant(matrix) == pytest.approx(np.linalg.slogdet(matrix)[1], rel=1e-12)
+    assert log_determinant(np.ones((2, 2))) == -np.inf
 
 
 def test_a_line_through_points() -> None:
