@@ -43,7 +43,7 @@ from processing.blur import Blur
 from processing.footprints import footprints
 from processing.metrics import errors_of, oracle, relative_error
 from processing.optics import BOX_MARGIN, noise_lines, tables_for
-from processing.range_fit import fit_places
+from processing.range_fit import PlaceFit
 from processing.ranges import decompose_ranges
 from processing.response import ResponseTables
 from processing.scattering import RivalFits
@@ -127,20 +127,19 @@ def with_places(
     accounts = opaque(pitch_px), translucent(pitch_px)
     (table,) = tables_for(stack, [blur], spread_grid(pitch_px))
     expected = _harmonics_at(table, seen)
+    fit = PlaceFit.of(table, accounts, noise_gains)
     fits = []
     for colour in range(light.shape[1]):
         constant, rise = noise[colour]
         variance = constant + rise * np.maximum(light[:, colour], 0)
         fits.append(
-            fit_places(
+            fit.fitted(
                 (expected * slopes[:, np.newaxis, :, colour] / 2).astype(np.complex64),
                 seen,
-                table,
                 np.ones((len(light), len(pitch_px), 2)),
-                accounts,
-                np.ascontiguousarray(light[:, colour]),
+                light[:, colour],
                 np.stack([variance, stack.white_gain * variance + 4 * constant], axis=-1),
-                noise_gains,
+                np.zeros((len(light), 2)),
             )
         )
     rivals = RivalFits(white.shape)

@@ -15,20 +15,26 @@ The colours of a mosaic see places half a camera pixel apart: the fine step is r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from processing.harmonics import PitchDesign
-from processing.response import BINS_PER_PX, ResponseTables, carrier
+from processing.response import ResponseTables, carrier
+from processing.slopes import bin_of
 
 _NEWTON_STEPS = 4
 _JOINT_STEPS = 4
 _COLOUR_STEPS = 4
 _LONGEST_STEP_PX = 1.0
+# A step as short leaves the next one, by far shorter, nothing to do.
+_ARRIVED_PX = 0.01
+# A place is taken from the pixel before where its coherence is as good as there, or nearly.
+_SURE, _MOST_FALL = 0.9, 0.02
 # Holds a colour to the place of all, relative to its phases: for colours that are nearly black.
 _COLOUR_PRIOR = 1e-3
 
@@ -153,11 +159,16 @@ def _search(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Place along one direction, (n,), and coherence."""
     rates = np.pi / np.array([one.pitch_px for one in designs], np.float64)
+    # Beyond the least common period of all patterns everything repeats.
+    period_px = 2 * math.lcm(*(one.pitch_px for one in designs))
+    end_px = min(span_px[1], span_px[0] + period_px)
     step_px = np.pi / rates.max() / 2
-    lattice = np.arange(span_px[0], span_px[1] + step_px, step_px)
-    waves = np.exp(1j * np.outer(lattice, rates))
+    lattice = np.arange(span_px[0], end_px + step_px, step_px)
+    angles = np.outer(rates, lattice)
     phasors = np.conj(harmonics / constants[:, np.newaxis]).astype(np.complex128)
-    return _best_places(np.ascontiguousarray(phasors.T), waves, lattice, rates)  # type: ignore[no-any-return]
+    return _best_places(  # type: ignore[no-any-return]
+        np.ascontiguousarray(phasors.T), np.cos(angles), np.sin(angles), lattice, rates
+    )
 
 
 def _fine(
@@ -183,63 +194,75 @@ def _fine(
     )
 
 
-@njit(parallel=True, cache=True)
-def _best_places(phasors, waves, lattice, rates):  # type: ignore[no-untyped-def]
-    """Lattice search and Newton steps on Σ Re(phasor · e^{−i rate t}), pixel by pixel."""
+@njit(cache=True, nogil=True)
+def _best_places(phasors, cosines, sines, lattice, rates):  # type: ignore[no-untyped-def]
+    """Where Σ Re(phasor · e^{−i rate t}) is largest, pixel by pixel, and how near it is to Σ |·|.
+
+    Near the pixel before, where that agrees as well as that one did, else over the whole lattice.
+    """
     n_pixels, n_rates = phasors.shape
     places, coherence = np.zeros(n_pixels), np.zeros(n_pixels)
-    cosines, sines = waves.real.copy(), waves.imag.copy()
-    for i in prange(n_pixels):
-        real, imaginary = phasors[i].real.copy(), phasors[i].imag.copy()
-        sizes = np.abs(phasors[i])
-        best, place = -np.inf, 0.0
-        for j in range(len(lattice)):
-            score = 0.0
-            for k in range(n_rates):
-                score += real[k] * cosines[j, k] + imaginary[k] * sines[j, k]
-            if score > best:
-                best, place = score, lattice[j]
-        curvature = max(np.sum(rates**2 * sizes), 1e-30)
-        for _ in range(_NEWTON_STEPS):
-            slope = 0.0
-            for k in range(n_rates):
-                angle = rates[k] * place
-                slope += rates[k] * (imaginary[k] * np.cos(angle) - real[k] * np.sin(angle))
-            place += slope / curvature
-        agreed = 0.0
+    real, imaginary, scores = np.empty(n_rates), np.empty(n_rates), np.empty(len(lattice))
+    for i in range(n_pixels):
+        curvature, size = 1e-30, 1e-30
         for k in range(n_rates):
-            agreed += real[k] * np.cos(rates[k] * place) + imaginary[k] * np.sin(rates[k] * place)
-        places[i] = place
-        coherence[i] = agreed / max(sizes.sum(), 1e-30)
+            real[k], imaginary[k] = phasors[i, k].real, phasors[i, k].imag
+            one = np.sqrt(real[k] ** 2 + imaginary[k] ** 2)
+            curvature += rates[k] ** 2 * one
+            size += one
+        if i > 0:
+            place, agreed = _climb(real, imaginary, rates, places[i - 1], curvature)
+            places[i], coherence[i] = place, agreed / size
+            if coherence[i] >= max(coherence[i - 1] - _MOST_FALL, _SURE):
+                continue
+        scores[:] = 0
+        for k in range(n_rates):
+            for j in range(len(lattice)):
+                scores[j] += real[k] * cosines[k, j] + imaginary[k] * sines[k, j]
+        best = lattice[np.argmax(scores)]
+        place, agreed = _climb(real, imaginary, rates, best, curvature)
+        places[i], coherence[i] = place, agreed / size
     return places, coherence
 
 
-@njit(inline="always")
-def _look_up(table, first, period_px, place_px):  # type: ignore[no-untyped-def]
-    """T at a place, linear between bins."""
-    at = (place_px % period_px) * BINS_PER_PX
-    bin_ = int(at)
-    part = at - bin_
-    return table[first + bin_] * (1 - part) + table[first + bin_ + 1] * part
+@njit(cache=True, nogil=True)
+def _climb(real, imaginary, rates, place, curvature):  # type: ignore[no-untyped-def]
+    """Newton steps from a place; where they end, and the sum there."""
+    for _ in range(_NEWTON_STEPS):
+        slope = 0.0
+        for k in range(len(rates)):
+            angle = rates[k] * place
+            slope += rates[k] * (imaginary[k] * np.cos(angle) - real[k] * np.sin(angle))
+        step = slope / curvature
+        place += step
+        if abs(step) < _ARRIVED_PX:
+            break
+    agreed = 0.0
+    for k in range(len(rates)):
+        agreed += real[k] * np.cos(rates[k] * place) + imaginary[k] * np.sin(rates[k] * place)
+    return place, agreed
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _refine(  # type: ignore[no-untyped-def]
     harmonics, down, right, down_slope, right_slope, first, pitch_px, start, prior, steps
 ):
     """Gauss–Newton on weighted phases, with slopes of T taken over a pixel."""
     n_pixels, n_pitches, _ = harmonics.shape
     places = start.copy()
-    for i in prange(n_pixels):
+    for i in range(n_pixels):
         for _ in range(steps):
             yy, yx, xx, gy, gx = 1e-30, 0.0, 1e-30, 0.0, 0.0
             for k in range(n_pitches):
                 period = 2 * pitch_px[k]
                 y, x = places[0, i], places[1, i]
-                at_y = _look_up(down, first[k], period, y)
-                at_x = _look_up(right, first[k], period, x)
-                slope_y = _look_up(down_slope, first[k], period, y)
-                slope_x = _look_up(right_slope, first[k], period, x)
+                bin_y, part_y = bin_of(y, period)
+                bin_x, part_x = bin_of(x, period)
+                bin_y, bin_x = first[k] + bin_y, first[k] + bin_x
+                at_y = down[bin_y] * (1 - part_y) + down[bin_y + 1] * part_y
+                at_x = right[bin_x] * (1 - part_x) + right[bin_x + 1] * part_x
+                slope_y = down_slope[bin_y] * (1 - part_y) + down_slope[bin_y + 1] * part_y
+                slope_x = right_slope[bin_x] * (1 - part_x) + right_slope[bin_x + 1] * part_x
                 rate2 = (np.pi / pitch_px[k]) ** 2
                 for sign in range(2):
                     expected = at_y * (at_x if sign == 0 else np.conj(at_x))
@@ -267,4 +290,6 @@ def _refine(  # type: ignore[no-untyped-def]
                 step_x = gx / xx if xx > 1e-20 else 0.0
             places[0, i] += min(max(step_y, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
             places[1, i] += min(max(step_x, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
+            if max(abs(step_y), abs(step_x)) < _ARRIVED_PX:
+                break
     return places

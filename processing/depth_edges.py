@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -24,7 +24,7 @@ from processing.harmonics import PitchDesign
 from processing.range_fit import TOTAL_WEIGHT
 from processing.response import ResponseTables
 from processing.slopes import look_up, model_errors
-from processing.spectrum import solve_spectrum
+from processing.spectrum import solve_passive, solve_spectrum
 
 Array = NDArray[np.float64]
 Harmonics = NDArray[np.complex64]
@@ -87,32 +87,53 @@ class Seen:
     white: Array
     variance: Array
 
+    def only(self, pixels: NDArray[np.int64]) -> Seen:
+        """Some of them."""
+        return Seen(
+            self.harmonics[:, :, pixels],
+            self.places[:, pixels],
+            self.gains[pixels],
+            self.white[pixels],
+            self.variance[pixels],
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class TwoPlaces:
-    """The account of two places of n pixels.
+    """Those m of n pixels that two places explain much better than one does.
 
     Parameters
     ----------
-    found
-        bool, (n,): two places are much better than one.
+    pixels
+        int64, (m,): which.
     second_px
-        float64, (2, n): y and x of the second place.
+        float64, (2, m): y and x of the second place.
     direct_light, deviations
-        float64, (n, colours): direct light of both, and its standard error.
+        float64, (m, colours): direct light of both, and its standard error.
     """
 
-    found: NDArray[np.bool_]
+    pixels: NDArray[np.int64]
     second_px: Array
     direct_light: Array
     deviations: Array
 
+    def only(self, kept: NDArray[np.bool_]) -> TwoPlaces:
+        """Some of them, `kept`, (m,)."""
+        return TwoPlaces(
+            self.pixels[kept],
+            self.second_px[:, kept],
+            self.direct_light[kept],
+            self.deviations[kept],
+        )
+
 
 def fit_two_places(setting: Setting, seen: Seen) -> TwoPlaces:
-    """Find and fit a second place of each pixel."""
-    first, second = seen.places, seen.places
-    alone = _Fit.of(setting, seen, (first,))
-    left = alone.left[0]
+    """Find and fit a second place of the pixels that one explains badly."""
+    alone = _Fit.of(setting, seen, (seen.places,))
+    degrees = 4 * len(setting.designs) * seen.white.shape[1]
+    suspect = np.flatnonzero(alone.chi2 > _SUSPECT * degrees)
+    seen, left = seen.only(suspect), alone.left[0][:, :, suspect]
+    first = seen.places
     second = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
     for _ in range(_ROUNDS):
         second = refined(left, setting.tables, second)
@@ -120,14 +141,8 @@ def fit_two_places(setting: Setting, seen: Seen) -> TwoPlaces:
         first = refined(both.left[1], setting.tables, first)
         both = _Fit.of(setting, seen, (first, second))
         left = both.left[0]
-    degrees = 4 * len(setting.designs) * seen.white.shape[1]
-    much = alone.chi2 > _SUSPECT * degrees
-    return TwoPlaces(
-        much & (both.chi2 < _MOST_LEFT * alone.chi2),
-        second.mean(axis=-1),
-        both.direct_light,
-        both.deviations,
-    )
+    two = TwoPlaces(suspect, second.mean(axis=-1), both.direct_light, both.deviations)
+    return two.only(both.chi2 < _MOST_LEFT * alone.chi2[suspect])
 
 
 def near_jumps(
@@ -241,24 +256,45 @@ def _mean_energy(tables: ResponseTables) -> Array:
     return 2 * np.array(means)
 
 
-@njit(cache=True)
-def _atoms(places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
-    """(places · ranges + 1, 4 · pitches): what unit light of each adds to the harmonics."""
-    n_places, n_ranges, n_pitches = len(places), down.shape[1], len(pitch_px)
-    atoms = np.zeros((n_places * n_ranges + 1, 4 * n_pitches))
-    for k in range(n_pitches):
+@njit(cache=True, nogil=True)
+def _fill_atoms(atoms, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
+    """(4 · pitches, places · ranges + 1): what unit light of each adds to the harmonics."""
+    n_places, n_ranges = len(places), down.shape[1]
+    for k in range(len(pitch_px)):
         for p in range(n_places):
             for r in range(n_ranges):
                 y = look_up(down, first[k], 2 * pitch_px[k], places[p, 0], r)
                 x = look_up(right, first[k], 2 * pitch_px[k], places[p, 1], r)
                 plus, minus = 0.5 * y * x * gain[k, 0], 0.5 * y * np.conj(x) * gain[k, 1]
-                atom = atoms[p * n_ranges + r]
-                atom[4 * k], atom[4 * k + 1] = plus.real, plus.imag
-                atom[4 * k + 2], atom[4 * k + 3] = minus.real, minus.imag
-    return atoms
+                a = p * n_ranges + r
+                atoms[4 * k, a], atoms[4 * k + 1, a] = plus.real, plus.imag
+                atoms[4 * k + 2, a], atoms[4 * k + 3, a] = minus.real, minus.imag
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
+def _normal_equations(atoms, seen, weight, white, gram, moment):  # type: ignore[no-untyped-def]
+    """AᵀWA and AᵀWb, with the total held to white."""
+    held = (TOTAL_WEIGHT / max(white, 1e-12)) ** 2
+    gram[:] = held
+    moment[:] = held * white
+    for row in range(len(atoms)):
+        for a in range(atoms.shape[1]):
+            weighted = atoms[row, a] * weight[row]
+            moment[a] += weighted * seen[row]
+            for b in range(atoms.shape[1]):
+                gram[a, b] += weighted * atoms[row, b]
+
+
+@njit(cache=True, nogil=True)
+def _take_off(seen, atoms, amounts, first, end, left):  # type: ignore[no-untyped-def]
+    """What the light of some atoms leaves."""
+    for row in range(len(seen)):
+        left[row] = seen[row]
+        for a in range(first, end):
+            left[row] -= amounts[a] * atoms[row, a]
+
+
+@njit(cache=True, nogil=True)
 def _fit_all(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, white, variance, noise_gains, energy,
     model,
@@ -267,34 +303,37 @@ def _fit_all(  # type: ignore[no-untyped-def]
     n_atoms = n_places * n_ranges + 1
     direct, error, chi2 = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
     left = np.zeros((n_places, n_pixels, n_pitches, 2), np.complex64)
-    for i in prange(n_pixels):
-        atoms = _atoms(places[:, :, i], down, right, first, pitch_px, gain[i])
-        seen, weight = np.zeros(4 * n_pitches), np.zeros(4 * n_pitches)
+    atoms, weight = np.zeros((4 * n_pitches, n_atoms)), np.zeros(4 * n_pitches)
+    seen, rest = np.zeros(4 * n_pitches), np.zeros(4 * n_pitches)
+    gram, moment = np.zeros((n_atoms, n_atoms)), np.zeros(n_atoms)
+    factor, members = np.zeros((n_atoms, n_atoms)), np.zeros(n_atoms, np.int64)
+    passive, amounts, moved = np.zeros(n_atoms, np.bool_), np.zeros(n_atoms), np.zeros(n_atoms)
+    # The direct light of all places together.
+    chosen = np.zeros(n_atoms)
+    chosen[: n_atoms - 1 : n_ranges] = 1
+    for i in range(n_pixels):
+        _fill_atoms(atoms, places[:, :, i], down, right, first, pitch_px, gain[i])
         for k in range(n_pitches):
-            seen[4 * k : 4 * k + 4 : 2] = harmonics[i, k].real
-            seen[4 * k + 1 : 4 * k + 4 : 2] = harmonics[i, k].imag
+            for sign in range(2):
+                seen[4 * k + 2 * sign] = harmonics[i, k, sign].real
+                seen[4 * k + 2 * sign + 1] = harmonics[i, k, sign].imag
             spread = noise_gains[k] * variance[i] + energy[k] * (model[k] * white[i]) ** 2
             weight[4 * k : 4 * k + 4] = 4 / (spread + 1e-30)
-        amounts = np.zeros(n_atoms)
-        inverse = np.zeros((n_atoms, n_atoms))
-        weighted = atoms * weight
-        gram, moment = weighted @ atoms.T, weighted @ seen
-        held = (TOTAL_WEIGHT / max(white[i], 1e-12)) ** 2
-        solve_spectrum(gram + held, moment + held * white[i], amounts, inverse)
-        residual = seen.copy()
-        for a in range(n_atoms):
-            residual -= amounts[a] * atoms[a]
-        chi2[i] = np.sum(weight * residual**2)
+        _normal_equations(atoms, seen, weight, white[i], gram, moment)
+        count = solve_spectrum(gram, moment, passive, amounts, factor, members)
+        _take_off(seen, atoms, amounts, 0, n_atoms, rest)
+        for row in range(len(rest)):
+            chi2[i] += weight[row] * rest[row] ** 2
+        solve_passive(factor, members, count, chosen, moved)
         total, spread = 0.0, 0.0
         for p in range(n_places):
             total += amounts[p * n_ranges]
-            for q in range(n_places):
-                spread += inverse[p * n_ranges, q * n_ranges]
-            # What the light of place p leaves for the others.
-            rest = seen.copy()
-            for r in range(n_ranges):
-                rest -= amounts[p * n_ranges + r] * atoms[p * n_ranges + r]
-            left[p, i] = (rest[0::2] + 1j * rest[1::2]).reshape(n_pitches, 2)
+            spread += moved[p * n_ranges]
+            _take_off(seen, atoms, amounts, p * n_ranges, (p + 1) * n_ranges, rest)
+            for k in range(n_pitches):
+                for sign in range(2):
+                    at = 4 * k + 2 * sign
+                    left[p, i, k, sign] = complex(rest[at], rest[at + 1])
         direct[i] = min(total, white[i])
         error[i] = np.sqrt(max(spread, 0.0) * max(chi2[i] / (4 * n_pitches), 1.0))
     return direct, error, chi2, left

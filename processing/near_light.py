@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from processing.response import ResponseTables
@@ -103,12 +103,12 @@ def _excess(finest: Array, next_finest: Array, pitch_px: Array) -> Array:
     return np.where(bright, -np.log(ratio) / (rates[0] - rates[1]), np.nan)
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _relative(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
     """The q of both diagonals apart, (n, pitches, 2)."""
     n_pixels, n_pitches, _ = harmonics.shape
     found = np.zeros((n_pixels, n_pitches, 2), np.complex128)
-    for i in prange(n_pixels):
+    for i in range(n_pixels):
         for k in range(n_pitches):
             at_y = look_up(down, first[k], 2 * pitch_px[k], places[0, i], 0)
             at_x = look_up(right, first[k], 2 * pitch_px[k], places[1, i], 0)

@@ -18,12 +18,14 @@ pixel has its own spectrum of ranges.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.accounts import Account, opaque, spread_grid, translucent
+from processing.accounts import opaque, spread_grid, translucent
 from processing.blur import Blur
 from processing.correspondence import Correspondence, decode
 from processing.depth_edges import Seen, Setting, fit_two_places, near_jumps, seen_beside
@@ -46,7 +48,7 @@ from processing.range_decomposition import (
     blocks,
     lattice,
 )
-from processing.range_fit import fit_places
+from processing.range_fit import PlaceFit
 from processing.remarks import Remark
 from processing.response import ResponseTables
 from processing.scattering import RivalFits, Signs, translucent_map
@@ -78,7 +80,7 @@ class _Optics:
     noise: Array
     noise_gains: Array
     white_gain: float
-    accounts: tuple[Account, Account]
+    fits: tuple[PlaceFit, ...]
 
     def variance(self, light: Array) -> Array:
         """Of a frame's noise at (n, colours) of white light; 0 where it is unknown."""
@@ -175,7 +177,8 @@ def fit_ranges(
     accounts = opaque(pitch_px), translucent(pitch_px)
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
-    optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, accounts)
+    place_fits = tuple(PlaceFit.of(one, accounts, gains) for one in tables)
+    optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
     told = told_of_blur(pitch_px, float(np.mean([one.side_px2 for one in blur])))
     near = Signs(mask.shape, told)
     fits, coherence, places = _fit_blocks(stack, white, mask, optics, near, progress)
@@ -266,16 +269,28 @@ def _fit_blocks(
     """Fits of all usable pixels, the coherence and the (y, x) of their places."""
     fits, coherence = RivalFits(white.shape), np.zeros(mask.shape, np.float32)
     places_px = np.full((2, *mask.shape), np.nan, np.float32)
-    for lines in blocks(mask.shape):
+
+    def fit(lines: slice) -> None:
         chosen = mask[lines]
-        if chosen.any():
-            located = _locate(stack, white, mask, lines, optics)
-            fits.add(lines, chosen, located.light, _fitted(located, optics))
-            coherence[lines][chosen] = located.places.coherence
-            places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
-            near.add(lines, chosen, _near_light(located, optics))
-        progress(_FIT_SHARE * min(lines.stop / len(mask), 1.0))
+        located = _locate(stack, white, mask, lines, optics)
+        fits.add(lines, chosen, located.light, _fitted(located, optics))
+        coherence[lines][chosen] = located.places.coherence
+        places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
+        near.add(lines, chosen, _near_light(located, optics))
+
+    _in_threads(fit, mask, lambda part: progress(_FIT_SHARE * part))
     return fits, coherence, places_px
+
+
+def _in_threads(work: Callable[[slice], None], chosen: NDArray[np.bool_], told: Progress) -> None:
+    """Work on all lines that hold chosen pixels, some at a time.
+
+    Each pixel is written by one of them: the number of threads changes nothing.
+    """
+    wanted = [lines for lines in blocks(chosen.shape) if chosen[lines].any()]
+    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="ranges") as threads:
+        for done, _ in enumerate(threads.map(work, wanted), 1):
+            told(done / len(wanted))
 
 
 def _near_light(located: _Located, optics: _Optics) -> NearLight:
@@ -297,28 +312,28 @@ def _settle_edges(
     suspects = near_jumps(places_px, mask, scale_px)
     setting = Setting(stack.designs, stack.projector_px, optics.tables, optics.noise_gains)
     settled = np.zeros(suspects.shape, bool)
-    for lines in blocks(suspects.shape):
+
+    def settle(lines: slice) -> None:
         chosen = suspects[lines]
-        progress(_FIT_SHARE + (1 - _FIT_SHARE) * min(lines.stop / len(mask), 1.0))
-        if not chosen.any():
-            continue
         harmonics = stack.harmonics(white, lines)[:, :, chosen]
         light = white[lines][chosen].astype(np.float64)
         places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
         gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])
         seen = Seen(harmonics, places, gains, light, optics.variance(light))
         two = fit_two_places(setting, seen)
-        pixels = np.stack(np.nonzero(chosen))
+        pixels = np.stack(np.nonzero(chosen))[:, two.pixels]
         pixels[0] += lines.start
-        found = two.found & seen_beside(places_px, pixels, two.second_px, scale_px)
-        pixels = pixels[:, found]
+        beside = seen_beside(places_px, pixels, two.second_px, scale_px)
+        two, pixels = two.only(beside), pixels[:, beside]
         fits.correct(
             pixels,
-            light[found].astype(np.float32),
-            two.direct_light[found].astype(np.float32),
-            two.deviations[found].astype(np.float32),
+            light[two.pixels].astype(np.float32),
+            two.direct_light.astype(np.float32),
+            two.deviations.astype(np.float32),
         )
         settled[pixels[0], pixels[1]] = True
+
+    _in_threads(settle, suspects, lambda part: progress(_FIT_SHARE + (1 - _FIT_SHARE) * part))
     return settled, suspects
 
 
@@ -328,17 +343,14 @@ def _fitted(located: _Located, optics: _Optics) -> Fits:
     variance = np.stack(
         [optics.variance(located.light), optics.white_variance(located.light)], axis=-1
     )
-    for colour, tables in enumerate(optics.tables):
+    for colour, fit in enumerate(optics.fits):
         fits.append(
-            fit_places(
+            fit.fitted(
                 located.harmonics[..., colour],
                 located.places.place_px[..., colour],
-                tables,
-                np.ascontiguousarray(located.gains[..., colour]),
-                optics.accounts,
-                np.ascontiguousarray(located.light[:, colour]),
-                np.ascontiguousarray(variance[:, colour]),
-                optics.noise_gains,
+                located.gains[..., colour],
+                located.light[:, colour],
+                variance[:, colour],
                 located.blur_deviations[colour],
             )
         )

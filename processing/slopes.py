@@ -11,7 +11,7 @@ frame; to it is added that of the model, a fixed part of white.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from processing.harmonics import PitchDesign
@@ -94,32 +94,33 @@ def slopes(
     )  # fmt: skip
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def bin_of(place, period):  # type: ignore[no-untyped-def]
     """Bin of a place within the period, and the part of the way to the next."""
-    at = (place % period) * BINS_PER_PX
-    index = int(at)
+    at = (place - np.floor(place / period) * period) * BINS_PER_PX
+    # A place just below 0 is rounded to the end of the period.
+    index = min(int(at), int(period * BINS_PER_PX) - 1)
     return index, at - index
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def between(table, index, part, spread):  # type: ignore[no-untyped-def]
     """Linear between bins."""
     return table[index, spread] * (1 - part) + table[index + 1, spread] * part
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
     """T of a spread at a place; `first` is the bin where the pitch begins."""
     index, part = bin_of(place, period)
     return between(table, first + index, part, spread)
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True, nogil=True)
 def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
     n_pixels, n_pitches, _ = harmonics.shape
     found = np.zeros((n_pixels, n_pitches, 2))
-    for i in prange(n_pixels):
+    for i in range(n_pixels):
         for k in range(n_pitches):
             bin_y, part_y = bin_of(places[0, i], 2 * pitch_px[k])
             bin_x, part_x = bin_of(places[1, i], 2 * pitch_px[k])

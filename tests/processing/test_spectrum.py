@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from processing.accounts import Account, opaque, spread_grid, translucent
-from processing.spectrum import RIDGE, diffusion_mixture, solve_spectrum
+from processing.spectrum import RIDGE, diffusion_mixture, solve_passive, solve_spectrum
 
 PITCH_PX = np.arange(8, 97, 4.0)
 SPREAD_PX = spread_grid(PITCH_PX)
@@ -22,28 +25,56 @@ def test_the_solver_reaches_the_minimum_that_scipy_reaches(account: Account) -> 
     mixtures = account.mixtures
     rows = np.column_stack([RESPONSES @ mixtures, np.zeros(len(PITCH_PX))])
     rows = np.vstack([100 * rows, 300 * np.ones(rows.shape[1])])
+    n = rows.shape[1]
+    gram = rows.T @ rows
     rng = np.random.default_rng(0)
     for _ in range(200):
-        light = rng.exponential(size=rows.shape[1]) * (rng.random(rows.shape[1]) < 0.5)
+        light = rng.exponential(size=n) * (rng.random(n) < 0.5)
         measured = rows @ light / max(np.sum(light), 1e-9) + rng.normal(size=len(rows))
-        amounts, inverse = np.zeros(rows.shape[1]), np.zeros((rows.shape[1],) * 2)
-        solve_spectrum(rows.T @ rows, rows.T @ measured, amounts, inverse)
+        guesses = [np.zeros(n, bool), np.less(rng.random(n), 0.5)]
+        found = [_Solved.of(gram, rows.T @ measured, guess) for guess in guesses]
         _, norm = nnls(rows, measured)
-        assert amounts.min() >= 0
-        assert np.sum((rows @ amounts - measured) ** 2) == pytest.approx(norm**2, abs=1e-4)
-        passive = amounts > 0
-        gram = rows.T @ rows + RIDGE * np.trace(rows.T @ rows) / rows.shape[1] * np.eye(
-            rows.shape[1]
-        )
-        product = inverse[np.ix_(passive, passive)] @ gram[np.ix_(passive, passive)]
-        np.testing.assert_allclose(product, np.eye(len(product)), atol=1e-5)
+        for one in found:
+            assert one.amounts.min() >= 0
+            assert np.sum((rows @ one.amounts - measured) ** 2) == pytest.approx(norm**2, abs=1e-4)
+            np.testing.assert_array_equal(one.passive, one.amounts > 0)
+            lifted = gram + RIDGE * np.trace(gram) / n * np.eye(n)
+            right = np.asarray(rng.normal(size=n))
+            moved = lifted[np.ix_(one.passive, one.passive)] @ one.of_passive(right)[one.passive]
+            np.testing.assert_allclose(moved, right[one.passive], atol=1e-5)
 
 
 def test_nothing_comes_of_nothing() -> None:
-    amounts, inverse = np.ones(4), np.ones((4, 4))
-    solve_spectrum(np.eye(4), -np.ones(4), amounts, inverse)
-    assert not amounts.any()
-    assert not inverse.any()
+    found = _Solved.of(np.eye(4), -np.ones(4), np.ones(4, bool))
+    assert not found.amounts.any()
+    assert not found.passive.any()
+    assert not found.of_passive(np.ones(4)).any()
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """What `solve_spectrum` leaves behind."""
+
+    amounts: NDArray[np.float64]
+    passive: NDArray[np.bool_]
+    factor: NDArray[np.float64]
+    members: NDArray[np.int64]
+    count: int
+
+    @classmethod
+    def of(
+        cls, gram: NDArray[np.float64], moment: NDArray[np.float64], guess: NDArray[np.bool_]
+    ) -> _Solved:
+        n = len(moment)
+        amounts, factor = np.ones(n), np.ones((n, n))
+        passive, members = guess.copy(), np.zeros(n, np.int64)
+        count = solve_spectrum(gram, moment, passive, amounts, factor, members)
+        return cls(amounts, passive, factor, members, count)
+
+    def of_passive(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        solution = np.ones(len(right))
+        solve_passive(self.factor, self.members, self.count, right, solution)
+        return solution
 
 
 @pytest.mark.parametrize("range_px", [2.0, 5.0, 16.0, 40.0])
