@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from acquire.errors import StackError
 from acquire.frames import Reading
-from acquire.pitches import GatheredPitch, LocalGatherer
+from acquire.gathering import GatheredPitch, LocalGatherer
 from acquire.references import Levels
 from acquire.session import Session
 from acquire.session.folder import storage
@@ -118,8 +118,8 @@ class RemoteGatherer:
         How raw frames become pixels.
     leak
         As in `acquire.pipeline.Options`.
-    listen
-        Called with the harmonics of each pitch; None where they are not wanted.
+    with_harmonics
+        Whether they are wanted.
     frame_done
         Called for each frame, a pitch's at once.
     """
@@ -129,11 +129,11 @@ class RemoteGatherer:
     folder: Path
     reading: Reading
     leak: float
-    listen: Callable[[PitchHarmonics], None] | None
+    with_harmonics: bool
     frame_done: Callable[[], None]
 
     def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
-        """See `acquire.pitches.Gatherer.gather`."""
+        """See `acquire.gathering.Gatherer.gather`."""
         parked = self.folder.resolve() / PARKED
         with storage(parked):
             parked.mkdir()
@@ -141,7 +141,7 @@ class RemoteGatherer:
                 if image is not None:
                     np.save(parked / f"{name}.npy", image)
         place = str(self.session.folder.resolve()), str(parked)
-        how = self.reading, self.leak, self.listen is not None, levels.drift
+        how = self.reading, self.leak, self.with_harmonics, levels.drift
         tasks = [(*place, k, *how) for k in range(len(stack.groups))]
         done = self.cluster.results(gather_pitch, tasks)
         for group, name in zip(stack.groups, done, strict=True):
@@ -162,15 +162,15 @@ class RemoteGatherer:
                 f"{saturated.shape}, those before {stack.saturated.shape} (height, width)."
             )
         stack.saturated = saturated if stack.saturated is None else stack.saturated | saturated
-        if self.listen is not None:
-            names = ("harmonics", "total", "null")
-            harmonics, total, null = (images[name] for name in names)
-            design = PitchDesign.of(patterns)
-            self.listen(PitchHarmonics.whole(design, harmonics, total, null))
+        harmonics = None
+        if self.with_harmonics:
+            sums = (images[name] for name in ("harmonics", "total", "null"))
+            harmonics = PitchHarmonics.whole(PitchDesign.of(patterns), *sums)
         return GatheredPitch(
             images["mean"],
             Separation(images["direct"], images["global_"]),
             FrameSample.whole(patterns, images["sample"]),
+            harmonics,
         )
 
 
@@ -206,19 +206,8 @@ def gather_pitch(
     group = stack.groups[index]
     folder = Path(parked)
     dark, lit = (_parked_image(folder / f"{name}.npy") for name in ("dark", "lit"))
-    heard: list[PitchHarmonics] = []
-
-    def listen(values: Image, pattern: Pattern) -> None:
-        if not with_harmonics:
-            return
-        if not heard:
-            height, width, colours = values.shape
-            design = PitchDesign.of([frame.pattern for frame in group.frames])
-            heard.append(PitchHarmonics(design, (height, width, colours)))
-        heard[0].add(values, pattern)
-
-    gatherer = LocalGatherer(leak, listen, lambda: None)
-    found = gatherer.gather_one(stack, group, Levels(dark, lit, drift))
+    gatherer = LocalGatherer(leak, with_harmonics, lambda: None)
+    (found,) = gatherer.gather_groups(stack, [group], Levels(dark, lit, drift))
     images: dict[str, NDArray[np.generic]] = {
         "mean": found.mean,
         "direct": found.separation.direct_light,
@@ -226,7 +215,8 @@ def gather_pitch(
         "sample": found.sample.frames.astype(np.float32),
         "saturated": np.asarray(stack.saturated),
     }
-    for one in heard:
+    if found.harmonics is not None:
+        one = found.harmonics
         images |= {"harmonics": one.harmonics, "total": one.total, "null": one.null}
     name = f"{index:04d}-{uuid.uuid4().hex}.npz"
     with storage(folder / name):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -20,6 +20,26 @@ from drivers.picture import decode_picture
 from drivers.raw import decode_raw
 
 DECODERS = 2
+# So many frames are taken in at a time, and fewer where they have more values than this together.
+_BATCH_FRAMES = 4
+_BATCH_VALUES = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Some frames and what they hold; the images last until the next batch is asked for."""
+
+    frames: tuple[FrameRecord, ...]
+    images: tuple[LinearImage, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Decoding:
+    """A batch that is being decoded, into memory that is used again."""
+
+    frames: Sequence[FrameRecord]
+    rooms: Sequence[LinearImage | None]
+    decoding: Sequence[Future[LinearImage]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +92,55 @@ class Frames:
             while waiting:
                 yield self._note(*waiting.popleft())
 
+    def batches(self, groups: Iterable[Sequence[FrameRecord]]) -> Generator[Batch, None, None]:
+        """Decode frames in order, a few of one group at a time, the next ones while these are used.
+
+        As `images`, for those who keep no image: the memory of a batch is used again.
+        """
+        used: list[LinearImage] = []
+        waiting: deque[_Decoding] = deque()
+        decoders = ThreadPoolExecutor(DECODERS, thread_name_prefix="decode")
+        try:
+            for frames in self._parts(groups):
+                rooms = [used.pop() if used else self._room() for _ in frames]
+                decoding = [
+                    decoders.submit(self._decode, frame, room)
+                    for frame, room in zip(frames, rooms, strict=True)
+                ]
+                waiting.append(_Decoding(frames, rooms, decoding))
+                if len(waiting) > 1:
+                    yield self._decoded(waiting[0])
+                    used.extend(room for room in waiting.popleft().rooms if room is not None)
+            while waiting:
+                yield self._decoded(waiting.popleft())
+        finally:
+            decoders.shutdown(cancel_futures=True)
+
+    def _parts(self, groups: Iterable[Sequence[FrameRecord]]) -> Iterator[Sequence[FrameRecord]]:
+        """One frame at a time until it is known how large they are."""
+        for group in groups:
+            start = 0
+            while start < len(group):
+                values = _BATCH_VALUES if self.saturated is None else 3 * self.saturated.size
+                size = min(max(_BATCH_VALUES // values, 1), _BATCH_FRAMES)
+                yield group[start : start + size]
+                start += size
+
+    def _room(self) -> LinearImage | None:
+        """Memory for an image, once it is known how large it is.
+
+        Not taken by the threads that decode: what lies long among their own memory keeps that from
+        being used again, and new memory costs a fifth of the time of decoding.
+        """
+        if self.saturated is None:
+            return None
+        shape = self.saturated.shape
+        return LinearImage(np.empty((*shape, 3), np.float32), np.empty(shape, np.bool_))
+
+    def _decoded(self, batch: _Decoding) -> Batch:
+        pairs = [self._note(*pair) for pair in zip(batch.frames, batch.decoding, strict=True)]
+        return Batch(tuple(batch.frames), tuple(image for _, image in pairs))
+
     def leave_out(self, superpixels: NDArray[np.bool_]) -> None:
         """Count superpixels, (height, width), as saturated from the start: hot ones.
 
@@ -79,16 +148,16 @@ class Frames:
         """
         self._hot = superpixels
 
-    def _decode(self, frame: FrameRecord) -> LinearImage:
+    def _decode(self, frame: FrameRecord, room: LinearImage | None = None) -> LinearImage:
         data = self._session.read(frame)
         try:
             demosaic = self._reading.demosaic
-            image = decode_frame(data, frame.media_type, self._transfer, demosaic)
+            image = decode_frame(data, frame.media_type, self._transfer, demosaic, room)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
         if self._reading.black is not None and not self._is_picture(frame):
-            level = np.array(self._reading.black, np.float32)
-            np.subtract(image.values, level, out=image.values)
+            lines = image.values.reshape(len(image.values), -1)
+            lines -= np.tile(np.array(self._reading.black, np.float32), image.values.shape[1])
         return image
 
     def _is_picture(self, frame: FrameRecord) -> bool:
@@ -127,11 +196,15 @@ def decode_frame(
     media_type: str,
     transfer: Transfer,
     demosaic: Demosaic = Demosaic.SUPERPIXEL,
+    room: LinearImage | None = None,
 ) -> LinearImage:
-    """Linear light of a frame's file; raises `drivers.errors.DecodeError`."""
+    """Linear light of a frame's file, in `room` where it fits a raw one.
+
+    Raises `drivers.errors.DecodeError`.
+    """
     if _is_picture(media_type, transfer):
         return decode_picture(data, "srgb" if transfer is Transfer.SRGB else "linear")
-    return decode_raw(data, demosaic)
+    return decode_raw(data, demosaic, room)
 
 
 def _is_picture(media_type: str, transfer: Transfer) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -80,18 +81,18 @@ class Components:
 
 
 class Method(Protocol):
-    """A decomposition: sees every frame once, then yields components."""
-
-    def frame(self, values: Image, pattern: Pattern) -> None:
-        """One frame, black subtracted."""
+    """A decomposition: told of every pitch once, then yields components."""
 
     @property
     def wants_harmonics(self) -> bool:
-        """Whether a pitch that was gathered elsewhere must bring its harmonics."""
+        """Whether the frames of each pitch must be gathered as its harmonics."""
         ...
 
+    def white(self, lit: Image) -> None:
+        """White less black light; before any pitch, where there is such a frame."""
+
     def pitch(self, gathered: PitchHarmonics) -> None:
-        """All frames of a pitch, gathered elsewhere."""
+        """The frames of a pitch, where harmonics are wanted; they are not kept by others."""
 
     def decompose(self, folder: Path, separated: SeparatedPitches, told: Told) -> Components:
         """Components from what was seen and from the separated pitches in `folder`."""
@@ -109,13 +110,13 @@ class Iva:
         self._n_components, self._n_iterations = n_components, n_iterations
         self._smoothing_px = smoothing_px
 
-    def frame(self, values: Image, pattern: Pattern) -> None:
-        """The separated pitches are all it needs."""
-
     @property
     def wants_harmonics(self) -> bool:
         """See `Method.wants_harmonics`."""
         return False
+
+    def white(self, lit: Image) -> None:
+        """The separated pitches are all it needs."""
 
     def pitch(self, gathered: PitchHarmonics) -> None:
         """The separated pitches are all it needs."""
@@ -181,29 +182,32 @@ class Ranges:
         self._profiles = profiles
         self._patterns = [frame.pattern for frame in session.frames]
         self._projector_px = session.projector_px or LARGEST_PROJECTOR_PX
-        self._path = folder / HARMONICS
+        self._folder = folder / HARMONICS
         self._stack: HarmonicsStack | None = None
-
-    def frame(self, values: Image, pattern: Pattern) -> None:
-        """Add a frame to the harmonics of its pitch."""
-        if self._stack is None:
-            self._stack = self._begin(values.shape)
-        try:
-            self._stack.add(values, pattern)
-        except ValueError as error:
-            raise StackError(f"{pattern}: {error}; `--method iva` takes such sessions.") from error
 
     @property
     def wants_harmonics(self) -> bool:
         """See `Method.wants_harmonics`."""
         return True
 
+    def white(self, lit: Image) -> None:
+        """It takes the place of twice the mean frame where no pitch is balanced."""
+        self._stack = self._begin(lit.shape)
+        self._stack.add(lit, Pattern(Family.WHITE))
+
     def pitch(self, gathered: PitchHarmonics) -> None:
-        """Take in the harmonics of a pitch."""
-        height, width, colours = gathered.total.shape
+        """Park the harmonics of a pitch, and take in the rest."""
         if self._stack is None:
-            self._stack = self._begin((height, width, colours))
-        self._stack.join(gathered)
+            self._stack = self._begin(gathered.total.shape)
+        design = gathered.design
+        path = self._folder / f"{design.family}-{design.pitch_px:04d}"
+        # Written and then mapped: into a new file, that is many times faster than through a map.
+        with storage(path):
+            self._folder.mkdir(exist_ok=True)
+            with path.open("xb") as file:
+                file.write(np.ascontiguousarray(gathered.harmonics).data)
+            parked = np.memmap(path, np.float32, "r", shape=gathered.harmonics.shape)
+        self._stack.join(PitchHarmonics.whole(design, parked, gathered.total, gathered.null))
 
     def decompose(
         self,
@@ -252,19 +256,12 @@ class Ranges:
 
     def close(self) -> None:
         """Remove the parked images."""
-        self._path.unlink(missing_ok=True)
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def _begin(self, shape: tuple[int, ...]) -> HarmonicsStack:
-        pitches = {(p.family, p.pitch_px) for p in self._patterns if p.family.is_separable}
         height, width, colours = shape
-        with storage(self._path):
-            parked = np.memmap(
-                self._path, np.float32, "w+", shape=(len(pitches), 4, height, width, colours)
-            )
         try:
-            return HarmonicsStack(
-                self._patterns, (height, width, colours), self._projector_px, parked
-            )
+            return HarmonicsStack(self._patterns, (height, width, colours), self._projector_px)
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` takes such sessions.") from error
 

@@ -15,6 +15,7 @@ from acquire.cluster import PARKED, Cluster, RemoteGatherer
 from acquire.corrections import correct, frame_noise
 from acquire.errors import ResultError, StackError
 from acquire.frames import Reading
+from acquire.gathering import Gatherer, LocalGatherer
 from acquire.methods import (
     Components,
     Iva,
@@ -193,14 +194,15 @@ class _Work:
         profiles, leak = self.profiles, self.options.leak
         method = _method(name, self.session, self.folder, self.options, profiles)
         try:
+            if self.references.levels.lit is not None:
+                method.white(self.references.levels.lit)
             separated = separate_pitches(
                 self.stack,
                 self.references,
                 self.folder,
                 leak,
-                method.frame,
-                observer.advance,
                 self._gatherer(method, observer, cluster),
+                method.pitch,
                 profiles.contrast,
             )
             if not np.any(separated.mask == PixelClass.MEASURED):
@@ -221,16 +223,12 @@ class _Work:
             shutil.rmtree(self.folder / PARKED, ignore_errors=True)
         return separated, noise, components, frame_noise(separated)
 
-    def _gatherer(
-        self, method: Method, observer: Observer, cluster: Cluster | None
-    ) -> RemoteGatherer | None:
+    def _gatherer(self, method: Method, observer: Observer, cluster: Cluster | None) -> Gatherer:
+        leak, wanted, advance = self.options.leak, method.wants_harmonics, observer.advance
         if cluster is None:
-            return None
-        heard = method.pitch if method.wants_harmonics else None
+            return LocalGatherer(leak, wanted, advance)
         reading = Reading(self.options.demosaic, self.profiles.black)
-        return RemoteGatherer(
-            cluster, self.session, self.folder, reading, self.options.leak, heard, observer.advance
-        )
+        return RemoteGatherer(cluster, self.session, self.folder, reading, leak, wanted, advance)
 
 
 def _with_leak(session: Session, options: Options, profiles: Profiles) -> Options:

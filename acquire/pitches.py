@@ -1,29 +1,25 @@
-"""Direct and global light at every pitch, streamed from the session one frame at a time."""
+"""Direct and global light at every pitch, in files, and how sound they are."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
 from acquire.errors import StackError
-from acquire.references import Levels, References
+from acquire.gathering import GatheredPitch, Gatherer
+from acquire.references import References
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Stack
 from processing.frame_noise import FrameSample, lattice
+from processing.harmonics import PitchHarmonics
 from processing.optical_contrast import USABLE, OpticalContrast
-from processing.patterns import Family, Pattern, balanced
-from processing.separation import (
-    ExtremaSeparation,
-    Separation,
-    SinusoidSeparation,
-)
+from processing.separation import Separation
 from processing.soundness import additivity_error, direct_peak, resolved_pitches
 
 UNLIT_FRACTION = 0.01
@@ -71,62 +67,13 @@ class SeparatedPitches:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class GatheredPitch:
-    """What the frames of one pitch come down to."""
-
-    mean: Image
-    separation: Separation
-    sample: FrameSample
-
-
-class Gatherer(Protocol):
-    """Goes through the frames of all pitches, here or elsewhere."""
-
-    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
-        """Each group of the stack, in its order; the stack learns what is saturated."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class LocalGatherer:
-    """Decodes and separates in this process.
-
-    Parameters
-    ----------
-    leak
-        b of the projector.
-    listen
-        Called with each pattern frame, black subtracted, and what it shows.
-    frame_done
-        Called after each decoded frame.
-    """
-
-    leak: float
-    listen: Callable[[Image, Pattern], None]
-    frame_done: Callable[[], None]
-
-    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
-        """See `Gatherer.gather`."""
-        for group in stack.groups:
-            yield self.gather_one(stack, group, levels)
-
-    def gather_one(self, stack: Stack, group: PitchGroup, levels: Levels) -> GatheredPitch:
-        """One pitch."""
-        sample = FrameSample([frame.pattern for frame in group.frames])
-        frames = _watched(_frames(stack, group, levels, self.listen, self.frame_done), sample)
-        mean, separation = _separate(frames, group, levels.lit, self.leak)
-        return GatheredPitch(mean, separation, sample)
-
-
 def separate_pitches(
     stack: Stack,
     references: References,
     folder: Path,
     leak: float,
-    listen: Callable[[Image, Pattern], None],
-    frame_done: Callable[[], None],
-    gatherer: Gatherer | None = None,
+    gatherer: Gatherer,
+    hear: Callable[[PitchHarmonics], None],
     contrast: OpticalContrast | None = None,
 ) -> SeparatedPitches:
     """Write ``pitches/*.tiff`` into `folder`; holds one pitch's running extrema at a time.
@@ -142,21 +89,16 @@ def separate_pitches(
     leak
         b, the fraction of its light that a dark projector pixel still emits, when no black
         frame was captured that could be subtracted.
-    listen
-        Called with white and with each pattern frame, black subtracted, and what it shows.
-    frame_done
-        Called after each decoded frame.
     gatherer
-        Goes through the frames of the pitches; here, one after the other, if it is not given.
+        Goes through the frames of the pitches.
+    hear
+        Called with the harmonics of each pitch, where the gatherer brings them.
     contrast
         What the optics leave of patterns: direct light is divided by it. Pitches of which less
         than `processing.optical_contrast.USABLE` is left are not resolved; without it, the scene
         itself tells.
     """
-    gatherer = gatherer or LocalGatherer(leak, listen, frame_done)
     lit = references.levels.lit
-    if lit is not None:
-        listen(lit, Pattern(Family.WHITE))
     with storage(folder):
         (folder / "pitches").mkdir(exist_ok=True)
     names = _names(stack.groups)
@@ -167,6 +109,8 @@ def separate_pitches(
     for group, name, found in zip(stack.groups, names, gathered, strict=True):
         left = None if contrast is None else _left(contrast, group, lit)
         samples.append(found.sample)
+        if found.harmonics is not None:
+            hear(found.harmonics)
         pitches.append(_write(folder, group, name, _freed(found.separation, left), left))
         if lit is None:
             share = 2 / (1 + leak) * found.mean / np.float32(len(stack.groups))
@@ -202,61 +146,6 @@ def blank_files(folder: Path, separated: SeparatedPitches) -> None:
                 image.flush()
 
 
-def _frames(
-    stack: Stack,
-    group: PitchGroup,
-    levels: Levels,
-    listen: Callable[[Image, Pattern], None],
-    frame_done: Callable[[], None],
-) -> Iterator[tuple[Image, Pattern]]:
-    """The frames of a pitch, black subtracted and freed from drift, one at a time."""
-    for frame, image in stack.images(group.frames):
-        values = levels.even(image.values, stack.order(frame))
-        listen(values, frame.pattern)
-        yield values, frame.pattern
-        frame_done()
-
-
-def _watched(
-    frames: Iterator[tuple[Image, Pattern]], sample: FrameSample
-) -> Iterator[tuple[Image, Pattern]]:
-    for values, pattern in frames:
-        sample.add(values, pattern)
-        yield values, pattern
-
-
-def _separate(
-    frames: Iterator[tuple[Image, Pattern]], group: PitchGroup, lit: Image | None, leak: float
-) -> tuple[Image, Separation]:
-    """Mean frame and separation of a pitch."""
-    extrema: ExtremaSeparation | None = None
-    sinusoid: SinusoidSeparation | None = None
-    total: Image | None = None
-    for values, pattern in frames:
-        total = values.copy() if total is None else np.add(total, values, out=total)
-        if group.family.is_binary:
-            extrema = extrema or ExtremaSeparation(values.shape)
-            extrema.add(values)
-        else:
-            sinusoid = sinusoid or SinusoidSeparation(values.shape)
-            sinusoid.add(values, pattern.phase)
-    estimator = extrema or sinusoid
-    if estimator is None or total is None:
-        raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
-    # A balanced set holds the complement of each pattern: white could add nothing but its noise
-    # and any change of lamp or gain since.
-    complement = lit if group.family.is_binary and not _balanced(group) else None
-    try:
-        separation = estimator.separate(white=complement, leak=leak)
-    except ValueError as error:
-        raise StackError(
-            f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}."
-        ) from error
-    if lit is not None and not leak:
-        separation = Separation(separation.direct_light, lit - separation.direct_light)
-    return total / np.float32(len(group.frames)), separation
-
-
 def _left(contrast: OpticalContrast, group: PitchGroup, lit: Image | None) -> NDArray[np.float32]:
     """What the optics leave of a pitch's direct light, (3,)."""
     patterns = [frame.pattern for frame in group.frames]
@@ -269,10 +158,6 @@ def _freed(separation: Separation, left: NDArray[np.float32] | None) -> Separati
         return separation
     direct = separation.direct_light / left
     return Separation(direct, separation.direct_light + separation.global_light - direct)
-
-
-def _balanced(group: PitchGroup) -> bool:
-    return balanced([frame.pattern for frame in group.frames])
 
 
 def _names(groups: tuple[PitchGroup, ...]) -> list[str]:
@@ -316,7 +201,7 @@ def _judged(
     usable = _mask(white, None if saturated is None else saturated[at]) == PixelClass.MEASURED
     if not usable.any():
         return pitch
-    additivity = additivity_error(found.mean[at], white, usable) if _balanced(group) else None
+    additivity = additivity_error(found.mean[at], white, usable) if group.is_balanced else None
     peak = direct_peak(direct, white, usable)
     return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
 

@@ -36,23 +36,60 @@ class Levels:
     lit: Image | None
     drift: Drift | None = None
 
-    def even(self, values: Image, order: int) -> Image:
-        """A frame less black, as it would have been at the first references.
+    def of(self, order: int, width: int) -> FrameLevels:
+        """What is taken off one frame.
+
+        Parameters
+        ----------
+        order
+            Its place among all exposures.
+        width
+            Of the picture, in pixels.
+        """
+        if self.drift is None:
+            return FrameLevels(self.dark, None, None)
+        at = np.array([order], np.float64)
+        offset, gain = (trace.at(at)[0] for trace in (self.drift.offset, self.drift.gain))
+        return FrameLevels(self.dark, _line(offset, width), _line(gain, width))
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLevels:
+    """What is taken off a frame, so that it is as it would have been at the first references.
+
+    Parameters
+    ----------
+    dark
+        As in `Levels`.
+    offset, gain
+        float32, (3 width,), by how much it is too high less black and too bright then, the three
+        colours over and over; None where nothing drifted.
+    """
+
+    dark: Image | None
+    offset: Image | None
+    gain: Image | None
+
+    def even(self, values: Image, at: tuple[slice, slice], out: Image) -> None:
+        """Take it off some of the frame's pixels.
 
         Parameters
         ----------
         values
-            float32, (height, width, 3), as decoded; changed in place.
-        order
-            Its place among all exposures.
+            float32, (lines, columns, 3), as decoded.
+        at
+            Which they are.
+        out
+            As `values`, in one piece of memory; written.
         """
-        if self.dark is not None:
-            values -= self.dark
-        if self.drift is not None:
-            at = np.array([order], np.float64)
-            values -= self.drift.offset.at(at)[0].astype(np.float32)
-            values /= self.drift.gain.at(at)[0].astype(np.float32)
-        return values
+        if self.dark is None:
+            out[...] = values
+        else:
+            np.subtract(values, self.dark[at], out=out)
+        if self.offset is not None and self.gain is not None:
+            lines = out.reshape(len(out), -1)
+            lines -= self.offset[: lines.shape[1]]
+            lines /= self.gain[: lines.shape[1]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,3 +184,8 @@ def _orders(reference: Reference) -> NDArray[np.float64]:
 
 def _mean(values: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.asarray(values.mean(axis=0), np.float32)
+
+
+def _line(colours: NDArray[np.float64], width: int) -> Image:
+    """A number a colour as often as a line has pixels: in arithmetic with it nothing is short."""
+    return np.tile(colours.astype(np.float32), width)

@@ -53,7 +53,7 @@ def prepare(folder: Path, session_folder: Path) -> None:
         )
     with storage(folder):
         (folder / RECORD).unlink(missing_ok=True)
-        for name in ("components", "deviations", "pitches", "proof", PARKED):
+        for name in ("components", "deviations", "pitches", "proof", HARMONICS, PARKED):
             if (folder / name).is_symlink():
                 (folder / name).unlink()
             shutil.rmtree(folder / name, ignore_errors=True)

@@ -13,7 +13,7 @@ from acquire.frames import Frames, Reading
 from acquire.session import FrameRecord, Session
 from processing.drift import Level
 from processing.frame_noise import lattice
-from processing.patterns import Family
+from processing.patterns import Family, Pattern, balanced
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +23,16 @@ class PitchGroup:
     family: Family
     pitch_px: int
     frames: tuple[FrameRecord, ...]
+
+    @property
+    def patterns(self) -> list[Pattern]:
+        """What each frame shows."""
+        return [frame.pattern for frame in self.frames]
+
+    @property
+    def is_balanced(self) -> bool:
+        """The mean over the frames is half of white."""
+        return balanced(self.patterns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +79,14 @@ class Stack(Frames):
             return None
         total: NDArray[np.float32] | None = None
         means, levels = list[float](), list[Level]()
-        for frame, image in self.images(frames):
-            total = image.values.copy() if total is None else np.add(total, image.values, out=total)
-            means.append(float(image.values.mean(dtype=np.float64)))
-            sample = image.values[lattice(image.values.shape[:2])].copy()
-            levels.append(Level(self.order(frame), sample))
-            frame_done()
+        for batch in self.batches([frames]):
+            for frame, image in zip(batch.frames, batch.images, strict=True):
+                values = image.values
+                total = values.copy() if total is None else np.add(total, values, out=total)
+                means.append(float(values.mean(dtype=np.float64)))
+                sample = values[lattice(values.shape[:2])].copy()
+                levels.append(Level(self.order(frame), sample))
+                frame_done()
         if total is None:
             return None
         mean_level = float(np.mean(means))

@@ -75,17 +75,23 @@ class Mosaic:
         )
 
 
-def superpixels(mosaic: Mosaic) -> LinearImage:
+def superpixels(mosaic: Mosaic, room: LinearImage | None = None) -> LinearImage:
     """A pixel for each quad: its red, the mean of its greens, its blue; nothing is interpolated.
 
     An odd last row or column is dropped.
+
+    Parameters
+    ----------
+    mosaic
+        What was counted.
+    room
+        An image no longer needed, whose memory is written over if it is of the right shape.
 
     Returns
     -------
     (height // 2, width // 2) pixels; `saturated` where any of the four photosites is.
     """
-    size = mosaic.size[0] // 2, mosaic.size[1] // 2
-    values, saturated = _room(size)
+    image = _room((mosaic.size[0] // 2, mosaic.size[1] // 2), room)
     order = _four(sorted(range(4), key=lambda site: "RGB".index(mosaic.colours[site])))
     top, left = mosaic.margin
     _superpixels(
@@ -94,23 +100,24 @@ def superpixels(mosaic: Mosaic) -> LinearImage:
         _four(np.float32(mosaic.black[site]) for site in order),
         _four(np.float32(mosaic.gains[site]) for site in order),
         _four(np.uint16(mosaic.limits[site]) for site in order),
-        values,
-        saturated,
+        image.values,
+        image.saturated,
     )
-    return LinearImage(values, saturated)
+    return image
 
 
-def bilinear(mosaic: Mosaic) -> LinearImage:
+def bilinear(mosaic: Mosaic, room: LinearImage | None = None) -> LinearImage:
     """A pixel for each photosite, the two colours that it lacks from its neighbours.
 
     A missing colour is the mean of the two or four nearest photosites that have it, each with its
-    own black level subtracted, signed; beyond its edge the mosaic goes on mirrored.
+    own black level subtracted, signed; beyond its edge the mosaic goes on mirrored. Parameters are
+    those of `superpixels`.
 
     Returns
     -------
     (height, width) pixels; `saturated` where the photosite or any that was averaged is.
     """
-    values, saturated = _room(mosaic.size)
+    image = _room(mosaic.size, room)
     _bilinear(
         mosaic.counts,
         mosaic.margin,
@@ -118,10 +125,10 @@ def bilinear(mosaic: Mosaic) -> LinearImage:
         _four(np.float32(black) for black in mosaic.black),
         _four(np.float32(gain) for gain in mosaic.gains),
         _four(np.uint16(limit) for limit in mosaic.limits),
-        values,
-        saturated,
+        image.values,
+        image.saturated,
     )
-    return LinearImage(values, saturated)
+    return image
 
 
 def _four(numbers: Iterable[Number]) -> Four[Number]:
@@ -129,9 +136,11 @@ def _four(numbers: Iterable[Number]) -> Four[Number]:
     return first, second, third, fourth
 
 
-def _room(size: Place) -> tuple[Values, Flags]:
+def _room(size: Place, used: LinearImage | None) -> LinearImage:
     """Taken from numpy, which asks for huge pages: numba's own arrays take three times as long."""
-    return np.empty((*size, 3), np.float32), np.empty(size, np.bool_)
+    if used is not None and used.saturated.shape == size:
+        return used
+    return LinearImage(np.empty((*size, 3), np.float32), np.empty(size, np.bool_))
 
 
 # Levels are passed as tuples: the compiler knows that what is written does not change them, and

@@ -24,13 +24,15 @@ _FORMATS = {
 }
 
 
-_REDUCTIONS: dict[Demosaic, Callable[[Mosaic], LinearImage]] = {
+_REDUCTIONS: dict[Demosaic, Callable[[Mosaic, LinearImage | None], LinearImage]] = {
     Demosaic.SUPERPIXEL: superpixels,
     Demosaic.BILINEAR: bilinear,
 }
 
 
-def decode_raw(data: bytes, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> LinearImage:
+def decode_raw(
+    data: bytes, demosaic: Demosaic = Demosaic.SUPERPIXEL, room: LinearImage | None = None
+) -> LinearImage:
     """Linear light of a Bayer raw file, as LibRaw unpacks it.
 
     Each photosite's value is (count − black)/(white − black) with the black level of its own
@@ -42,6 +44,9 @@ def decode_raw(data: bytes, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> LinearI
         The whole file.
     demosaic
         How photosites become pixels, see `drivers.mosaic`.
+    room
+        An image no longer needed, whose memory is written over if it is of the right shape: new
+        memory costs more time than decoding into it.
 
     Returns
     -------
@@ -55,7 +60,7 @@ def decode_raw(data: bytes, demosaic: Demosaic = Demosaic.SUPERPIXEL) -> LinearI
         No raw file, a damaged one, or one whose values are not counts of a Bayer mosaic.
     """
     with _unpacked(data) as mosaic:
-        return _REDUCTIONS[demosaic](mosaic)
+        return _REDUCTIONS[demosaic](mosaic, room)
 
 
 def counts_in_range(data: bytes) -> float:

@@ -70,7 +70,11 @@ class FrameSample:
 
     def add(self, frame: Image, pattern: Pattern) -> None:
         """Take in one frame, float32, (height, width, colours), black subtracted."""
-        self._frames[pattern] = frame[lattice(frame.shape[:2])].copy()
+        self.add_pixels(frame[lattice(frame.shape[:2])].copy(), pattern)
+
+    def add_pixels(self, pixels: Image, pattern: Pattern) -> None:
+        """Take in one frame of which only the pixels of the `lattice` are given; they are kept."""
+        self._frames[pattern] = pixels
 
     @property
     def frames(self) -> Array:

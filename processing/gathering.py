@@ -16,9 +16,9 @@ Image = NDArray[np.float32]
 class HarmonicsStack:
     """Takes in frames one at a time, in any order, and keeps a few images a pitch.
 
-    Held are 4 images of the frames' shape a pitch, in `out`, which may be mapped from a file
-    (4.4 GB for 23 pitches of 4 megapixels in three colours); 2 more for each pitch of which some
-    but not all frames came; and 3 for all together.
+    Held are 4 images of the frames' shape a pitch, which may be mapped from files (4.4 GB for 23
+    pitches of 4 megapixels in three colours; see `out` and `join`); 2 more for each pitch of which
+    some but not all frames came; and 3 for all together.
 
     Parameters
     ----------
@@ -49,9 +49,10 @@ class HarmonicsStack:
         self.designs = tuple(PitchDesign.of(tuple(members[key])) for key in ordered)
         self.projector_px = projector_px
         wanted = (len(self.designs), 4, *shape)
-        self._harmonics = np.zeros(wanted, np.float32) if out is None else out
-        if self._harmonics.shape != wanted:
-            raise ValueError(f"out has shape {self._harmonics.shape}, the harmonics {wanted}")
+        if out is not None and out.shape != wanted:
+            raise ValueError(f"out has shape {out.shape}, the harmonics {wanted}")
+        self._out = [None if out is None else out[k] for k in range(len(self.designs))]
+        self._harmonics: dict[int, Image] = {}
         self._index = {key: k for k, key in enumerate(ordered)}
         self._open: dict[int, PitchHarmonics] = {}
         self._waiting = set(range(len(ordered)))
@@ -85,23 +86,27 @@ class HarmonicsStack:
             raise ValueError(f"{pattern} was not announced, or all of its pitch are there already")
         if k not in self._open:
             shape = (frame.shape[0], frame.shape[1], frame.shape[2])
-            self._open[k] = PitchHarmonics(self.designs[k], shape, self._harmonics[k])
+            self._open[k] = PitchHarmonics(self.designs[k], shape, self._out[k])
         self._open[k].add(frame, pattern)
         if self._open[k].is_complete:
             self._close(k)
 
     def join(self, gathered: PitchHarmonics) -> None:
-        """Take in a pitch whose frames were gathered elsewhere, all of them."""
+        """Take in a pitch whose frames were gathered elsewhere, all of them.
+
+        Its harmonics are kept as they are, which may be mapped from a file; its total and its null
+        combination are no longer needed then.
+        """
         design = gathered.design
         k = self._index.get((design.family, design.pitch_px), -1)
         if k not in self._waiting or k in self._open or not gathered.is_complete:
             raise ValueError(f"{design.family}:{design.pitch_px} is not waited for as a whole")
-        self._harmonics[k] = gathered.harmonics
         self._open[k] = gathered
         self._close(k)
 
     def _close(self, k: int) -> None:
         gathered, design = self._open.pop(k), self.designs[k]
+        self._harmonics[k] = gathered.harmonics
         if design.is_balanced:
             self._doubled += 2 * gathered.total
             self._n_doubled += len(design.patterns)
@@ -116,17 +121,20 @@ class HarmonicsStack:
         Twice the mean of all frames of balanced pitches, or the white frames where there is no
         balanced pitch.
         """
+        self._check_complete()
+        if self._n_doubled:
+            return self._doubled / np.float32(self._n_doubled)
+        if self._n_lit:
+            return self._lit / np.float32(self._n_lit)
+        raise ValueError("these patterns are not balanced: a white frame is needed beside them")
+
+    def _check_complete(self) -> None:
         if self._waiting:
             missing = [self.designs[k] for k in sorted(self._waiting)]
             raise ValueError(
                 "frames are missing of "
                 + ", ".join(f"{design.family}:{design.pitch_px}" for design in missing)
             )
-        if self._n_doubled:
-            return self._doubled / np.float32(self._n_doubled)
-        if self._n_lit:
-            return self._lit / np.float32(self._n_lit)
-        raise ValueError("these patterns are not balanced: a white frame is needed beside them")
 
     @property
     def white_gain(self) -> float:
@@ -153,9 +161,12 @@ class HarmonicsStack:
         -------
         (pitches, 2, lines, columns, colours).
         """
+        self._check_complete()
         columns = slice(None, None, lines.step)
         offsets = np.stack([design.offset for design in self.designs]).astype(np.float32)
         half = 0.5 * white[lines, columns]
-        values = self._harmonics[:, :, lines, columns] - offsets[..., None, None, None] * half
+        gathered = (self._harmonics[k][:, lines, columns] for k in range(len(self.designs)))
+        values = np.stack(list(gathered))
+        values -= offsets[..., None, None, None] * half
         pairs: NDArray[np.complex64] = values[:, 0::2] + np.complex64(1j) * values[:, 1::2]
         return pairs

@@ -178,30 +178,35 @@ class PitchHarmonics:
     def __init__(
         self, design: PitchDesign, shape: tuple[int, int, int], out: Image | None = None
     ) -> None:
+        if out is None:
+            out = np.zeros((4, *shape), np.float32)
+        elif out.shape == (4, *shape):
+            out[:] = 0
+        else:
+            raise ValueError(f"out has shape {out.shape}, not {(4, *shape)}")
         self.design = design
-        self.harmonics = np.zeros((4, *shape), np.float32) if out is None else out
-        if self.harmonics.shape != (4, *shape):
-            raise ValueError(f"out has shape {self.harmonics.shape}, not {(4, *shape)}")
-        self.harmonics[:] = 0
+        self.harmonics = out
         self.total = np.zeros(shape, np.float32)
         self.null = np.zeros(shape, np.float32)
-        self._waiting = {pattern: k for k, pattern in enumerate(design.patterns)}
+        null = np.zeros(len(design.patterns)) if design.null is None else design.null
+        self._weights = np.column_stack([design.weights, null]).astype(np.float32)
+        self._index = {pattern: k for k, pattern in enumerate(design.patterns)}
+        self._is_added = np.zeros((len(design.patterns), shape[0]), np.bool_)
 
     @classmethod
     def whole(
         cls, design: PitchDesign, harmonics: Image, total: Image, null: Image
     ) -> PitchHarmonics:
         """All frames of a pitch, as another process gathered them."""
-        height, width, colours = total.shape
-        found = cls(design, (height, width, colours))
+        found = cls(design, (len(total), 0, 0))
         found.harmonics, found.total, found.null = harmonics, total, null
-        found._waiting.clear()
+        found._is_added[:] = True
         return found
 
     @property
     def is_complete(self) -> bool:
         """Every pattern of the design was added."""
-        return not self._waiting
+        return bool(self._is_added.all())
 
     def add(self, frame: Image, pattern: Pattern) -> None:
         """Take in the frame of one pattern.
@@ -215,27 +220,74 @@ class PitchHarmonics:
         """
         if frame.shape != self.total.shape:
             raise ValueError(f"frame has shape {frame.shape}, the others {self.total.shape}")
-        if pattern not in self._waiting:
-            raise ValueError(f"{pattern} is not among the frames still expected of this pitch")
-        k = self._waiting.pop(pattern)
-        null = 0.0 if self.design.null is None else self.design.null[k]
+        self.add_lines(frame[np.newaxis], [pattern], slice(0, len(frame)))
+
+    def add_lines(self, frames: Image, patterns: Sequence[Pattern], lines: slice) -> None:
+        """Take in some lines of several frames.
+
+        Parameters
+        ----------
+        frames
+            float32, (frames, lines, width, colours), linear, black subtracted.
+        patterns
+            Of each frame: different ones of the design, of which these lines were not added before.
+        lines
+            Which ones.
+        """
+        total, null = self.total[lines], self.null[lines]
+        if not total.flags.c_contiguous:
+            raise ValueError(f"lines that follow one another are added at once, not {lines}")
+        if frames.shape != (len(patterns), *total.shape):
+            raise ValueError(
+                f"frames have shape {frames.shape}, {len(patterns)} patterns and these lines of "
+                f"the others {(len(patterns), *total.shape)}"
+            )
+        places = [self._place(pattern, lines) for pattern in patterns]
+        first, second, third, fourth = (part[lines].reshape(-1) for part in self.harmonics)
         _accumulate(
-            np.ascontiguousarray(frame, np.float32).reshape(-1),
-            np.append(self.design.weights[k], null).astype(np.float32),
-            self.harmonics.reshape(4, -1),
-            self.total.reshape(-1),
-            self.null.reshape(-1),
+            np.ascontiguousarray(frames, np.float32).reshape(len(frames), -1),
+            self._weights[places],
+            first,
+            second,
+            third,
+            fourth,
+            total.reshape(-1),
+            null.reshape(-1),
         )
 
+    def _place(self, pattern: Pattern, lines: slice) -> int:
+        """Of a pattern in the design; from now on its lines are there."""
+        place = self._index.get(pattern, -1)
+        if place < 0 or self._is_added[place, lines].any():
+            raise ValueError(f"{pattern} is not among the frames still expected of this pitch")
+        self._is_added[place, lines] = True
+        return place
 
-@numba.njit(parallel=True, cache=True)
-def _accumulate(frame, weights, harmonics, total, null):  # type: ignore[no-untyped-def]
-    """One read of a frame feeds all six sums."""
-    for i in numba.prange(frame.size):
-        value = frame[i]
-        harmonics[0, i] += weights[0] * value
-        harmonics[1, i] += weights[1] * value
-        harmonics[2, i] += weights[2] * value
-        harmonics[3, i] += weights[3] * value
-        total[i] += value
-        null[i] += weights[4] * value
+
+# Pieces of this length stay in the first-level cache while all frames go over them.
+_PIECE = 512
+
+
+@numba.njit(nogil=True, cache=True)
+def _accumulate(  # type: ignore[no-untyped-def]
+    frames, weights, plus_real, plus_imaginary, minus_real, minus_imaginary, total, null
+):
+    """One read of some frames, (frames, values), feeds all six sums."""
+    for start in range(0, total.size, _PIECE):
+        stop = min(start + _PIECE, total.size)
+        first, second = plus_real[start:stop], plus_imaginary[start:stop]
+        third, fourth = minus_real[start:stop], minus_imaginary[start:stop]
+        fifth, sixth = total[start:stop], null[start:stop]
+        for k in range(len(frames)):
+            values = frames[k, start:stop]
+            a, b, c, d, e = (
+                weights[k, 0], weights[k, 1], weights[k, 2], weights[k, 3], weights[k, 4]
+            )  # fmt: skip
+            for i in range(values.size):
+                value = values[i]
+                first[i] += a * value
+                second[i] += b * value
+                third[i] += c * value
+                fourth[i] += d * value
+                fifth[i] += value
+                sixth[i] += e * value

@@ -20,6 +20,7 @@ or white − direct where the white frame is known.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -76,30 +77,43 @@ class ExtremaSeparation:
     """
 
     def __init__(self, shape: tuple[int, int, int]) -> None:
-        self._largest = np.empty(shape, np.float32)
-        self._smallest = np.empty(shape, np.float32)
-        self._n_frames = 0
+        self._largest = np.full(shape, -np.inf, np.float32)
+        self._smallest = np.full(shape, np.inf, np.float32)
+        self._n_frames = np.zeros(shape[0], np.int64)
 
     def add(self, frame: Image) -> None:
         """Take in one frame, float32, (height, width, 3), black subtracted."""
         _check_image("frame", frame, self._largest.shape)
-        if self._n_frames:
-            _widen(_flat(frame), self._largest.reshape(-1), self._smallest.reshape(-1))
-        else:
-            self._largest[:] = self._smallest[:] = frame
-        self._n_frames += 1
+        self.add_lines(frame[np.newaxis], slice(0, len(frame)))
+
+    def add_lines(self, frames: Image, lines: slice) -> None:
+        """Take in some lines of several frames, which must get all of their lines in the end.
+
+        Parameters
+        ----------
+        frames
+            float32, (frames, lines, width, 3), black subtracted.
+        lines
+            Which ones.
+        """
+        largest, smallest = self._largest[lines], self._smallest[lines]
+        _check_lines(frames, largest)
+        _widen(_flat(frames), largest.reshape(-1), smallest.reshape(-1))
+        self._n_frames[lines] += len(frames)
 
     def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
         """See `Separator.separate`; at least 2 frames are needed."""
         _check_leak(leak)
-        if self._n_frames < 2:
-            raise ValueError(
-                f"max and min need at least 2 frames of a pitch, there are {self._n_frames}"
-            )
+        n_frames = _of_all_lines(self._n_frames)
+        if n_frames < 2:
+            raise ValueError(f"max and min need at least 2 frames of a pitch, there are {n_frames}")
         if white is None:
-            direct = (self._largest - self._smallest) / np.float32(1 - leak)
-            shade = self._smallest - np.float32(leak) * self._largest
-            return Separation(direct, shade * np.float32(2 / (1 - leak**2)))
+            direct = self._largest - self._smallest
+            direct /= np.float32(1 - leak)
+            shade = np.float32(leak) * self._largest
+            np.subtract(self._smallest, shade, out=shade)
+            shade *= np.float32(2 / (1 - leak**2))
+            return Separation(direct, shade)
         _check_image("white", white, self._largest.shape)
         both = np.float32(1 + leak) * white
         largest = np.maximum(self._largest, both - self._smallest)
@@ -118,8 +132,7 @@ class SinusoidSeparation:
 
     def __init__(self, shape: tuple[int, int, int]) -> None:
         self._moments = np.zeros((3, *shape), np.float32)
-        self._normal = np.zeros((3, 3))
-        self._phases: list[float] = []
+        self._n_frames: dict[float, NDArray[np.int64]] = {}
 
     def add(self, frame: Image, phase: float) -> None:
         """Take in one frame.
@@ -132,21 +145,44 @@ class SinusoidSeparation:
             Advance of the sinusoid through its shift, in radians.
         """
         _check_image("frame", frame, self._moments.shape[1:])
-        basis = np.array([1, np.cos(phase), np.sin(phase)])
-        _project(_flat(frame), basis.astype(np.float32), self._moments.reshape(3, -1))
-        self._normal += np.outer(basis, basis)
-        self._phases.append(float(phase) % (2 * np.pi))
+        self.add_lines(frame[np.newaxis], [phase], slice(0, len(frame)))
+
+    def add_lines(self, frames: Image, phases: Sequence[float], lines: slice) -> None:
+        """Take in some lines of several frames, which must get all of their lines in the end.
+
+        Parameters
+        ----------
+        frames
+            float32, (frames, lines, width, 3), black subtracted.
+        phases
+            Of each frame, see `add`.
+        lines
+            Which ones.
+        """
+        moments = self._moments[:, lines]
+        _check_lines(frames, moments[0])
+        bases = np.array([_basis(phase) for phase in phases], np.float32)
+        _project(_flat(frames), bases, *(moment.reshape(-1) for moment in moments))
+        for phase in phases:
+            counts = self._n_frames.setdefault(
+                float(phase), np.zeros(self._moments.shape[1], np.int64)
+            )
+            counts[lines] += 1
 
     def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
         """See `Separator.separate`; at least 3 advances that differ modulo 2π are needed."""
         _check_leak(leak)
-        n_phases = _count_distinct(self._phases)
+        n_frames = {phase: _of_all_lines(counts) for phase, counts in self._n_frames.items()}
+        n_phases = _count_distinct([phase % (2 * np.pi) for phase in n_frames])
         if n_phases < 3:
             raise ValueError(
                 f"a sinusoid needs at least 3 shifts that differ modulo its period; "
-                f"{len(self._phases)} frames hold {n_phases}"
+                f"{sum(n_frames.values())} frames hold {n_phases}"
             )
-        solution = np.linalg.inv(self._normal).astype(np.float32)
+        normal = np.zeros((3, 3))
+        for phase, count in n_frames.items():
+            normal += count * np.outer(_basis(phase), _basis(phase))
+        solution = np.linalg.inv(normal).astype(np.float32)
         mean, cosine, sine = (np.tensordot(row, self._moments, 1) for row in solution)
         direct = np.hypot(cosine, sine) * np.float32(2 / (1 - leak))
         if white is None:
@@ -160,6 +196,27 @@ def _check_image(name: str, image: Image, shape: tuple[int, ...]) -> None:
         raise ValueError(f"{name} has shape {image.shape}, the frames of this pitch {shape}")
     if image.dtype != np.float32:
         raise ValueError(f"{name} must be float32 with black subtracted, not {image.dtype}")
+
+
+def _check_lines(frames: Image, sums: Image) -> None:
+    if frames.shape[1:] != sums.shape:
+        raise ValueError(f"frames have shape {frames.shape}, the lines of this pitch {sums.shape}")
+    if not sums.flags.c_contiguous:
+        raise ValueError("only lines that follow one another are added at once")
+    if frames.dtype != np.float32:
+        raise ValueError(f"frames must be float32 with black subtracted, not {frames.dtype}")
+
+
+def _of_all_lines(n_frames: NDArray[np.int64]) -> int:
+    """How many frames there are; refuses to have more of one line than of another."""
+    least, most = int(n_frames.min()), int(n_frames.max())
+    if least != most:
+        raise ValueError(f"some lines were added of {least} frames, others of {most}")
+    return most
+
+
+def _basis(phase: float) -> NDArray[np.float64]:
+    return np.array([1, np.cos(phase), np.sin(phase)])
 
 
 def _check_leak(leak: float) -> None:
@@ -176,24 +233,36 @@ def _count_distinct(phases: list[float]) -> int:
     return max(1, int(np.count_nonzero(gaps > _SAME_PHASE)))
 
 
-def _flat(frame: Image) -> Image:
-    return np.ascontiguousarray(frame).reshape(-1)
+def _flat(frames: Image) -> Image:
+    return np.ascontiguousarray(frames).reshape(len(frames), -1)
 
 
-@numba.njit(parallel=True, cache=True)
-def _widen(frame, largest, smallest):  # type: ignore[no-untyped-def]
-    """Widen the extrema to hold a frame, in one read; NaN stays NaN."""
-    for i in numba.prange(frame.size):
-        value = frame[i]
-        largest[i] = np.maximum(largest[i], value)
-        smallest[i] = np.minimum(smallest[i], value)
+# Pieces of this length stay in the first-level cache while all frames go over them.
+_PIECE = 1024
 
 
-@numba.njit(parallel=True, cache=True)
-def _project(frame, basis, moments):  # type: ignore[no-untyped-def]
-    """Add a frame times (1, cos, sin) to the three moments."""
-    for i in numba.prange(frame.size):
-        value = frame[i]
-        moments[0, i] += basis[0] * value
-        moments[1, i] += basis[1] * value
-        moments[2, i] += basis[2] * value
+@numba.njit(nogil=True, cache=True)
+def _widen(frames, largest, smallest):  # type: ignore[no-untyped-def]
+    """Widen the extrema to hold all frames, (frames, values); NaN stays NaN."""
+    for start in range(0, largest.size, _PIECE):
+        stop = min(start + _PIECE, largest.size)
+        high, low = largest[start:stop], smallest[start:stop]
+        for k in range(len(frames)):
+            values = frames[k, start:stop]
+            for i in range(values.size):
+                high[i] = np.maximum(high[i], values[i])
+                low[i] = np.minimum(low[i], values[i])
+
+
+@numba.njit(nogil=True, cache=True)
+def _project(frames, bases, constant, cosine, sine):  # type: ignore[no-untyped-def]
+    """Add all frames times (1, cos, sin) to the three moments."""
+    for start in range(0, constant.size, _PIECE):
+        stop = min(start + _PIECE, constant.size)
+        first, second, third = constant[start:stop], cosine[start:stop], sine[start:stop]
+        for k in range(len(frames)):
+            values = frames[k, start:stop]
+            for i in range(values.size):
+                first[i] += bases[k, 0] * values[i]
+                second[i] += bases[k, 1] * values[i]
+                third[i] += bases[k, 2] * values[i]

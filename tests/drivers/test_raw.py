@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from drivers.errors import DecodeError
-from drivers.image import Demosaic
+from drivers.image import Demosaic, LinearImage
 from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.dng import encode_dng
@@ -110,6 +110,19 @@ def test_quads_become_pixels(
     expected = np.stack([np.mean(planes[colour], axis=0) for colour in range(3)], axis=-1)
     assert image.values.dtype == np.float32
     np.testing.assert_allclose(image.values, expected, atol=2e-7)
+
+
+@pytest.mark.parametrize("demosaic", Demosaic)
+def test_memory_that_is_given_is_written_over(demosaic: Demosaic) -> None:
+    data, larger = (encode_dng(counts(*size), EXPOSURE) for size in ((40, 60), (44, 60)))
+    image = decode_raw(data, demosaic)
+    room = LinearImage(np.full_like(image.values, np.nan), ~image.saturated)
+    again = decode_raw(data, demosaic, room)
+    assert again.values is room.values
+    np.testing.assert_array_equal(again.values, image.values)
+    np.testing.assert_array_equal(again.saturated, image.saturated)
+    assert len(decode_raw(larger, demosaic, room).values) > len(room.values)
+    np.testing.assert_array_equal(room.values, image.values)
 
 
 def test_values_below_black_stay_negative() -> None:

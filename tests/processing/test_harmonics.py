@@ -28,6 +28,58 @@ def test_sums_are_those_of_the_definition() -> None:
     np.testing.assert_allclose(gathered.total, frames.sum(axis=0), rtol=1e-5)
 
 
+def test_blocks_of_lines_of_several_frames_are_the_same_bits() -> None:
+    patterns = checkers([12])
+    frames = np.random.default_rng(0).random((36, *SHAPE), np.float32)
+    one, some = (PitchHarmonics(PitchDesign.of(patterns), SHAPE) for _ in range(2))
+    for pattern, frame in zip(patterns, frames, strict=True):
+        one.add(frame, pattern)
+    for k in range(0, 36, 7):
+        for lines in (slice(0, 2), slice(2, 5)):
+            some.add_lines(frames[k : k + 7, lines], patterns[k : k + 7], lines)
+            assert some.is_complete == (k == 35 and lines.stop == 5)
+    for found, expected in (
+        (some.harmonics, one.harmonics),
+        (some.total, one.total),
+        (some.null, one.null),
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_lines_are_added_once() -> None:
+    patterns = checkers([12])
+    frames = np.zeros((2, *SHAPE), np.float32)
+    gathered = PitchHarmonics(PitchDesign.of(patterns), SHAPE)
+    gathered.add_lines(frames[:, :2], patterns[:2], slice(0, 2))
+    for lines in (slice(0, 2), slice(1, 3)):
+        with pytest.raises(ValueError, match="still expected"):
+            gathered.add_lines(frames[:, :2], patterns[:2], lines)
+    with pytest.raises(ValueError, match="still expected"):
+        gathered.add_lines(frames[:, 2:], [patterns[3]] * 2, slice(2, 5))
+
+
+def test_a_pitch_that_was_gathered_elsewhere_joins() -> None:
+    rng = np.random.default_rng(2)
+    patterns = checkers([8, 12])
+    whole, joined = (HarmonicsStack(patterns, SHAPE, PROJECTOR_PX) for _ in range(2))
+    parts = [PitchHarmonics(design, SHAPE) for design in joined.designs]
+    for pattern in patterns:
+        frame = rng.random(SHAPE, np.float32)
+        whole.add(frame, pattern)
+        parts[(8, 12).index(pattern.pitch_px)].add(frame, pattern)
+    with pytest.raises(ValueError, match=r"frames are missing of checker:8, checker:12"):
+        joined.harmonics(np.zeros(SHAPE, np.float32), slice(None))
+    for part in reversed(parts):
+        copies = (one.copy() for one in (part.harmonics, part.total, part.null))
+        joined.join(PitchHarmonics.whole(part.design, *copies))
+    np.testing.assert_array_equal(joined.white(), whole.white())
+    for lines in (slice(1, 4), slice(None, None, 2)):
+        found = joined.harmonics(joined.white(), lines)
+        np.testing.assert_array_equal(found, whole.harmonics(whole.white(), lines))
+    with pytest.raises(ValueError, match="not waited for"):
+        joined.join(parts[0])
+
+
 @pytest.mark.parametrize(
     "patterns",
     [

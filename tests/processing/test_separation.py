@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -148,3 +149,47 @@ def test_what_does_not_fit_is_refused_by_both_shapes() -> None:
         extrema.separate(wrong)
     with pytest.raises(ValueError, match=r"\[0, 1\)"):
         extrema.separate(leak=1.0)
+
+
+@pytest.mark.parametrize("edges", [(0, 24), (0, 1, 7, 24)], ids=["at-once", "in-blocks"])
+@pytest.mark.parametrize("together", [1, 5, 36])
+def test_blocks_of_lines_of_several_frames_are_the_same_bits(
+    edges: tuple[int, ...], together: int
+) -> None:
+    frames = np.random.default_rng(8).random((36, *SHAPE), np.float32)
+    frames[3, 2, 5, 1] = np.nan
+    phases = [pattern.phase for pattern in checkers()]
+    one, some = ExtremaSeparation(SHAPE), ExtremaSeparation(SHAPE)
+    first, others = SinusoidSeparation(SHAPE), SinusoidSeparation(SHAPE)
+    for frame_, phase in zip(frames, phases, strict=True):
+        one.add(frame_)
+        first.add(frame_, phase)
+    for k in range(0, 36, together):
+        for start, stop in pairwise(edges):
+            lines = slice(start, stop)
+            some.add_lines(frames[k : k + together, lines], lines)
+            others.add_lines(frames[k : k + together, lines], phases[k : k + together], lines)
+    for expected, found in ((one, some), (first, others)):
+        np.testing.assert_array_equal(
+            expected.separate().direct_light, found.separate().direct_light
+        )
+        np.testing.assert_array_equal(
+            expected.separate().global_light, found.separate().global_light
+        )
+    assert np.isnan(some.separate().direct_light[2, 5, 1])
+
+
+def test_lines_that_lack_a_frame_are_refused() -> None:
+    frames = np.zeros((4, *SHAPE), np.float32)
+    extrema, sinusoid = ExtremaSeparation(SHAPE), SinusoidSeparation(SHAPE)
+    lines = slice(0, 20)
+    extrema.add_lines(frames[:, lines], lines)
+    with pytest.raises(ValueError, match="some lines were added of 0 frames, others of 4"):
+        extrema.separate()
+    sinusoid.add_lines(frames[:, lines], [0.0, 1.0, 2.0, 3.0], lines)
+    with pytest.raises(ValueError, match="some lines were added of 0 frames, others of 1"):
+        sinusoid.separate()
+    with pytest.raises(ValueError, match=r"\(4, 20, 36, 3\).*\(3, 36, 3\)"):
+        extrema.add_lines(frames[:, lines], slice(20, 23))
+    with pytest.raises(ValueError, match="follow one another"):
+        extrema.add_lines(frames[:, ::2], slice(0, 24, 2))

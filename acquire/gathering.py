@@ -1,0 +1,181 @@
+"""The frames of a session, pitch by pitch, in one read of each.
+
+A few frames are decoded at a time, the next ones while these are worked through: some lines of all
+of them, then the next ones, so that what is subtracted from a frame and what it is added to stay in
+the processor's cache while they go over it. Threads decode and nothing else; one goes over the
+frames in their order, which a number of threads cannot change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquire.errors import StackError
+from acquire.frames import Batch
+from acquire.references import FrameLevels, Levels
+from acquire.stack import PitchGroup, Stack
+from processing.frame_noise import FrameSample, lattice
+from processing.harmonics import PitchDesign, PitchHarmonics
+from processing.patterns import Pattern
+from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
+
+# Values of the lines of a frame that are worked on at a time: with four frames and what they are
+# added to, as in `processing.rows`, two to three megabytes.
+_BLOCK_VALUES = 1 << 16
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class GatheredPitch:
+    """What the frames of one pitch come down to.
+
+    Parameters
+    ----------
+    mean
+        float32, (height, width, 3), of the frames.
+    separation
+        Direct and global light.
+    sample
+        Some pixels of all frames.
+    harmonics
+        Where they are wanted.
+    """
+
+    mean: Image
+    separation: Separation
+    sample: FrameSample
+    harmonics: PitchHarmonics | None
+
+
+class Gatherer(Protocol):
+    """Goes through the frames of all pitches, here or elsewhere."""
+
+    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
+        """Each group of the stack, in its order; the stack learns what is saturated."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LocalGatherer:
+    """Decodes and separates in this process.
+
+    Parameters
+    ----------
+    leak
+        b of the projector.
+    with_harmonics
+        Whether they are wanted.
+    frame_done
+        Called after each frame.
+    """
+
+    leak: float
+    with_harmonics: bool
+    frame_done: Callable[[], None]
+
+    def gather(self, stack: Stack, levels: Levels) -> Iterator[GatheredPitch]:
+        """See `Gatherer.gather`."""
+        return self.gather_groups(stack, stack.groups, levels)
+
+    def gather_groups(
+        self, stack: Stack, groups: Sequence[PitchGroup], levels: Levels
+    ) -> Iterator[GatheredPitch]:
+        """Some of the groups."""
+        with closing(stack.batches(group.frames for group in groups)) as batches:
+            for group in groups:
+                yield self._gathered(stack, group, levels, batches)
+
+    def _gathered(
+        self, stack: Stack, group: PitchGroup, levels: Levels, batches: Iterator[Batch]
+    ) -> GatheredPitch:
+        """One pitch, whose batches come next."""
+        sums: _Sums | None = None
+        missing = len(group.frames)
+        while missing:
+            batch = next(batches)
+            height, width, colours = batch.images[0].values.shape
+            sums = sums or _Sums(group, (height, width, colours), self.with_harmonics)
+            sums.add(batch, [levels.of(stack.order(frame), width) for frame in batch.frames])
+            missing -= len(batch.frames)
+            for _ in batch.frames:
+                self.frame_done()
+        if sums is None:
+            raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
+        return sums.gathered(levels.lit, self.leak)
+
+
+class _Sums:
+    """What the frames of one pitch were added to so far."""
+
+    def __init__(
+        self, group: PitchGroup, shape: tuple[int, int, int], with_harmonics: bool
+    ) -> None:
+        self._group = group
+        self._shape = shape
+        self._sample = FrameSample(group.patterns)
+        binary = group.family.is_binary
+        self._separation = ExtremaSeparation(shape) if binary else SinusoidSeparation(shape)
+        self._harmonics = _harmonics(group, shape) if with_harmonics else None
+        self._total = self._harmonics.total if self._harmonics else np.zeros(shape, np.float32)
+
+    def add(self, batch: Batch, levels: Sequence[FrameLevels]) -> None:
+        """Go over some frames, from each of which something is taken off."""
+        height, width, colours = self._shape
+        patterns = [frame.pattern for frame in batch.frames]
+        self._sample_frames(batch, levels)
+        step = max(1, _BLOCK_VALUES // (width * colours))
+        room = np.empty((len(batch.frames), step, width, colours), np.float32)
+        for start in range(0, height, step):
+            lines = slice(start, min(start + step, height))
+            block = room[:, : lines.stop - start]
+            for out, image, level in zip(block, batch.images, levels, strict=True):
+                level.even(image.values[lines], (lines, slice(None)), out)
+            self._add_lines(block, patterns, lines)
+
+    def _add_lines(self, block: Image, patterns: Sequence[Pattern], lines: slice) -> None:
+        if isinstance(self._separation, ExtremaSeparation):
+            self._separation.add_lines(block, lines)
+        else:
+            self._separation.add_lines(block, [pattern.phase for pattern in patterns], lines)
+        if self._harmonics is not None:
+            self._harmonics.add_lines(block, patterns, lines)
+        else:
+            for frame in block:
+                self._total[lines] += frame
+
+    def _sample_frames(self, batch: Batch, levels: Sequence[FrameLevels]) -> None:
+        at = lattice(self._shape[:2])
+        for frame, image, level in zip(batch.frames, batch.images, levels, strict=True):
+            pixels = image.values[at].copy()
+            level.even(pixels, at, pixels)
+            self._sample.add_pixels(pixels, frame.pattern)
+
+    def gathered(self, lit: Image | None, leak: float) -> GatheredPitch:
+        """What they come down to, held against white less black."""
+        group = self._group
+        # A balanced set holds the complement of each pattern: white could add nothing but its noise
+        # and any change of lamp or gain since.
+        complement = lit if group.family.is_binary and not group.is_balanced else None
+        try:
+            separation = self._separation.separate(white=complement, leak=leak)
+        except ValueError as error:
+            raise StackError(
+                f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}."
+            ) from error
+        if lit is not None and not leak:
+            np.subtract(lit, separation.direct_light, out=separation.global_light)
+        mean = self._total / np.float32(len(group.frames))
+        return GatheredPitch(mean, separation, self._sample, self._harmonics)
+
+
+def _harmonics(group: PitchGroup, shape: tuple[int, int, int]) -> PitchHarmonics:
+    try:
+        return PitchHarmonics(PitchDesign.of(group.patterns), shape)
+    except ValueError as error:
+        raise StackError(f"{error}; `--method iva` takes such sessions.") from error
