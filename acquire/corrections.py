@@ -7,25 +7,22 @@ from their files.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquire.blanking import Unusable
 from acquire.pitches import SeparatedPitches
 from acquire.result import FrameNoiseRecord, PitchRecord, PixelClass, read_tiff, write_tiff
 from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.noise_bias import Correction, extrema_correction, measured_kinds
 from processing.optical_contrast import OpticalContrast
 from processing.patterns import balanced
-from processing.single_pitch import (
-    Estimate,
-    amplitude_estimate,
-    extrema_correction,
-    extrema_estimate,
-    measured_kinds,
-)
+from processing.single_pitch import Estimate, amplitude_estimate, extrema_estimate
 
 
 class Observer(Protocol):
@@ -72,15 +69,19 @@ def correct(
     if noise is None:
         return separated, None
     observer.stage("correcting", len(separated.pitches))
+    unusable = Unusable.of(separated.mask)
     pitches = []
-    for pitch, sample in zip(separated.pitches, separated.samples, strict=True):
-        estimate = _estimate(folder, pitch, separated, sample, noise, leak)
-        if contrast is not None:
-            with_white = separated.references.white is not None
-            error = contrast.relative_error(sample.patterns, with_white=with_white)
-            estimate = _freed(estimate, pitch, error)
-        pitches.append(_written(folder, pitch, estimate))
-        observer.advance()
+    # What the samples tell of a pitch is found beside the correction of the one before.
+    with ThreadPoolExecutor(1, thread_name_prefix="bias") as ahead:
+        told = ahead.map(lambda one: _bias(separated, one, noise), separated.samples)
+        for pitch, sample, bias in zip(separated.pitches, separated.samples, told, strict=True):
+            estimate = _estimate(folder, pitch, separated, sample, noise, bias, leak)
+            if contrast is not None:
+                with_white = separated.references.white is not None
+                error = contrast.relative_error(sample.patterns, with_white=with_white)
+                estimate = _freed(estimate, pitch, error)
+            pitches.append(_written(folder, pitch, estimate, unusable))
+            observer.advance()
     record = FrameNoiseRecord(
         constant=tuple(noise.constant.tolist()), slope=tuple(noise.slope.tolist())
     )
@@ -97,31 +98,45 @@ def frame_noise(separated: SeparatedPitches) -> FrameNoise | None:
     return noise_of(known, separated.white, usable)
 
 
+@dataclass(frozen=True, slots=True)
+class _Bias:
+    """What noise does to the extrema of a pitch, and the kinds of its pixels where they tell."""
+
+    correction: Correction
+    kinds: NDArray[np.int64] | None
+
+
+def _bias(separated: SeparatedPitches, sample: FrameSample, noise: FrameNoise) -> _Bias | None:
+    """None for sinusoids."""
+    patterns = sample.patterns
+    if not patterns[0].family.is_binary:
+        return None
+    white_reference = separated.references.white
+    if white_reference is not None and not balanced(patterns):
+        white_deviation = _white_deviation(separated, noise, white_reference.frames)
+        return _Bias(extrema_correction(len(patterns), white_deviation), None)
+    correction = extrema_correction(len(patterns))
+    usable = separated.mask[lattice(separated.mask.shape)] == PixelClass.MEASURED
+    return _Bias(correction, measured_kinds(sample, noise, usable, correction))
+
+
 def _estimate(
     folder: Path,
     pitch: PitchRecord,
     separated: SeparatedPitches,
     sample: FrameSample,
     noise: FrameNoise,
+    bias: _Bias | None,
     leak: float,
 ) -> Estimate:
-    white, patterns = separated.white, sample.patterns
+    white = separated.white
     direct = read_tiff(folder / pitch.direct, white.shape, np.float32)
     if pitch.divided_by is not None:
         direct *= pitch.divided_by
-    if not pitch.family.is_binary:
-        phases = [pattern.phase for pattern in patterns]
+    if bias is None:
+        phases = [pattern.phase for pattern in sample.patterns]
         return amplitude_estimate(direct, white, noise, phases, leak)
-    white_reference = separated.references.white
-    if white_reference is not None and not balanced(patterns):
-        white_deviation = _white_deviation(separated, noise, white_reference.frames)
-        correction = extrema_correction(len(patterns), white_deviation)
-        return extrema_estimate(direct, white, noise, correction, leak=leak)
-    correction = extrema_correction(len(patterns))
-    at = lattice(separated.mask.shape)
-    usable = separated.mask[at] == PixelClass.MEASURED
-    kinds = measured_kinds(sample, noise, usable, correction)
-    return extrema_estimate(direct, white, noise, correction, kinds=kinds, leak=leak)
+    return extrema_estimate(direct, white, noise, bias.correction, kinds=bias.kinds, leak=leak)
 
 
 def _freed(estimate: Estimate, pitch: PitchRecord, error: NDArray[np.float64]) -> Estimate:
@@ -142,11 +157,15 @@ def _white_deviation(separated: SeparatedPitches, noise: FrameNoise, frames: int
     return round(float(np.median(ratio) / np.sqrt(frames)), 1)
 
 
-def _written(folder: Path, pitch: PitchRecord, estimate: Estimate) -> PitchRecord:
+def _written(
+    folder: Path, pitch: PitchRecord, estimate: Estimate, unusable: Unusable
+) -> PitchRecord:
     names = {
         "corrected": pitch.direct.replace("/direct-", "/corrected-"),
         "deviation": pitch.direct.replace("/direct-", "/deviation-"),
     }
+    for image in (estimate.direct_light, estimate.deviation):
+        unusable.blank(image)
     write_tiff(folder / names["corrected"], estimate.direct_light)
     write_tiff(folder / names["deviation"], estimate.deviation)
     return pitch.model_copy(update=names)

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
+from acquire.blanking import Unusable
 from acquire.cluster import PARKED
 from acquire.errors import ResultError
 from acquire.methods import HARMONICS, Components
-from acquire.pitches import SeparatedPitches, blank_files, blank_unusable
+from acquire.pitches import SeparatedPitches
 from acquire.result import (
     RECORD,
     ResultRecord,
@@ -64,14 +65,17 @@ def fill(
     folder: Path, separated: SeparatedPitches, components: Components, record: ResultRecord
 ) -> None:
     """Write images and record, what could not be measured blanked; the record comes last."""
-    blank_files(folder, separated)
+    unusable = Unusable.of(separated.mask)
+    for pitch in separated.pitches:
+        for path in (pitch.direct, pitch.global_):
+            unusable.blank_file(folder / path)
     images = {
         **{f"components/{name}.tiff": image for name, image in components.images.items()},
         **{f"deviations/{name}.tiff": image for name, image in components.deviations.items()},
         "white.tiff": components.white,
     }
     for relative, image in images.items():
-        blank_unusable(image, separated.mask)
+        unusable.blank(image)
         with storage(folder):
             (folder / relative).parent.mkdir(exist_ok=True)
         write_tiff(folder / relative, image)

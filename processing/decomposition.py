@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.independence import Independence, independent
-from processing.pca import PrincipalComponents, principal_components
+from processing.pca import ROUNDING, PrincipalComponents, principal_components
 from processing.remarks import Remark
 from processing.rows import Rows, combine
 from processing.strata import sample_stride
@@ -108,8 +108,7 @@ def decompose_iva(
     _check(rows, pitch_px, n_components)
     images, principal = _principal_images(rows, mask, n_components, out)
     progress(0.4)
-    vectors = principal.vectors[:, :n_components]
-    found = independent(images, mask, vectors, pitch_px[:-1], n_iterations, smoothing_px)
+    found = independent(images, mask, principal, pitch_px[:-1], n_iterations, smoothing_px)
     progress(0.95)
     combine(found.unmixing.matrix, images, images)
     progress(1.0)
@@ -198,5 +197,6 @@ def _insignificant(
 
 
 def _least_share(principal: PrincipalComponents, noise: float) -> float:
-    """Share of a component that is significant: twice that of noise alone."""
-    return 2 * noise**2 / (principal.mean_square * len(principal.shares))
+    """Share of a component that is significant: twice that of noise, or of rounding, alone."""
+    of_noise = noise**2 / (principal.mean_square * len(principal.shares))
+    return 2 * max(of_noise, ROUNDING)

@@ -16,6 +16,7 @@ from processing.auxiva import auxiva
 from processing.gradients import gradient_samples
 from processing.linear_algebra import product
 from processing.noise import noise_deviation
+from processing.pca import PrincipalComponents
 from processing.rows import means
 from processing.smoothing import choose_smoothing
 from processing.strata import sample_stride
@@ -57,7 +58,7 @@ class Independence:
 def independent(
     images: NDArray[np.float32],
     mask: NDArray[np.bool_],
-    vectors: Array,
+    principal: PrincipalComponents,
     pitch_px: Array,
     n_iterations: int,
     smoothing_px: float | None,
@@ -70,8 +71,8 @@ def independent(
         float32, (n, height, width, colours), the strongest first.
     mask
         bool, (height, width), True where a pixel is usable.
-    vectors
-        (m, n), their directions among the rows of D; the last row belongs to white.
+    principal
+        Their directions among the rows of D, of which the last belongs to white.
     pitch_px
         (m − 1,), pitches of the other rows.
     n_iterations
@@ -79,16 +80,21 @@ def independent(
     smoothing_px
         Of the Gaussian before gradients are taken; None to choose it from the noise.
     """
-    light = means(images, mask)
+    light, vectors = means(images, mask), principal.vectors[:, : len(images)]
     if not np.all(np.isfinite(light)):
         raise ValueError("usable pixels hold values that are not finite; mask them")
     noise, enough = noise_deviation(images[-1], mask), True
     if smoothing_px is None:
         smoothing_px, enough = choose_smoothing(images[-1], mask, noise)
     samples = gradient_samples(images, mask, smoothing_px, sample_stride(mask))
-    white_filter = _whiten(samples)
-    found = auxiva(samples, n_iterations)
-    unmixing = resolve(product(found.unmixing, white_filter), vectors, pitch_px, light)
+    # What is rounding alone stays what it is.
+    held = min(principal.rank, len(images))
+    white_filter = np.tile(np.eye(len(images)), (len(samples), 1, 1))
+    white_filter[:, :held, :held] = _whiten(samples[:, :held])
+    found = auxiva(samples[:, :held], n_iterations)
+    matrix = white_filter.copy()
+    matrix[:, :held, :held] = product(found.unmixing, white_filter[:, :held, :held])
+    unmixing = resolve(matrix, vectors, pitch_px, light)
     half_width = alpha_half_width(samples, white_filter, vectors, n_iterations)
     return Independence(unmixing, half_width, found.cost, smoothing_px, noise, not enough)
 

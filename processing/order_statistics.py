@@ -102,7 +102,7 @@ def range_distribution(contrasts: Array) -> Distribution:
         for value, count in zip(values, counts, strict=True):
             at = x - delta[..., np.newaxis] * value / 2
             inside = np.maximum(ndtr(at + r[..., np.newaxis]) - ndtr(at), 1e-30)
-            product *= inside**count
+            product *= inside if count == 1 else inside**count
             rates += count * np.exp(-0.5 * at**2) / inside
         total = np.sum(product * rates, axis=-1)
         found: Array = total * (below[1] - below[0]) / np.sqrt(2 * np.pi)
@@ -147,8 +147,29 @@ def mean_range(distribution: Distribution) -> tuple[Array, Array]:
     ratios = np.linspace(-6, 10, 65)
     below = distribution(np.maximum(_DELTAS[:, np.newaxis] + ratios, 0), _DELTAS[:, np.newaxis])
     below = np.where(_DELTAS[:, np.newaxis] + ratios > 0, below, 0)
-    total = np.sum(1 - below, axis=1) * (ratios[1] - ratios[0])
+    total = np.trapezoid(1 - below, dx=ratios[1] - ratios[0], axis=1)
     return _DELTAS, _DELTAS + ratios[0] + total
+
+
+def mean_extrema(contrasts: Array) -> tuple[Array, Array]:
+    """δ, and the mean of the range R of frames with known contrasts at each.
+
+    The same as `mean_range` in less time. The mean of a difference is that of its parts,
+    ∫ [1 − Π_k Φ(x − μ_k)] dx for the largest frame.
+    """
+    values, counts = _grouped(
+        contrasts, np.ptp(contrasts), float(contrasts.max() + contrasts.min())
+    )
+    # From the brightest frame, below and above which the largest hardly ever lies.
+    beside = np.linspace(-6.0, 7.0, 105)
+    total = _DELTAS + 2 * beside[0]
+    x = beside + _DELTAS[:, np.newaxis] / 2
+    for side in (values, -values):
+        below = np.ones_like(x)
+        for value, count in zip(side, counts, strict=True):
+            below *= ndtr(x - _DELTAS[:, np.newaxis] * value / 2) ** count
+        total += np.trapezoid(1 - below, dx=beside[1] - beside[0], axis=1)
+    return _DELTAS, total
 
 
 def _grouped(contrasts: Array, span: float, twice_middle: float) -> tuple[Array, NDArray[np.int_]]:

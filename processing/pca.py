@@ -15,6 +15,9 @@ from processing.linear_algebra import symmetric_eigen
 from processing.rows import Rows, check_rows, gram
 from processing.strata import stratified
 
+# Share of a direction that rows of float32 do not have.
+ROUNDING = 1e-13
+
 
 @dataclass(frozen=True, slots=True)
 class PrincipalComponents:
@@ -33,6 +36,11 @@ class PrincipalComponents:
     shares: NDArray[np.float64]
     vectors: NDArray[np.float64]
     mean_square: float
+
+    @property
+    def rank(self) -> int:
+        """How many hold more than what rounding leaves of none, at least 1."""
+        return max(1, int(np.count_nonzero(self.shares >= ROUNDING)))
 
 
 def principal_components(

@@ -12,40 +12,28 @@ is free of bias and uses all frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit, prange
+from numba import get_num_threads, njit
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from processing.frame_noise import ADDED, FrameNoise, FrameSample, lattice_step
-from processing.order_statistics import (
-    STEP,
-    Distribution,
-    IntervalTable,
-    amplitude_distribution,
-    complemented_distribution,
-    mean_range,
-    range_distribution,
-)
+from processing.frame_noise import FrameNoise, lattice_step
+from processing.noise_bias import Correction
+from processing.order_statistics import STEP
 
 Image: TypeAlias = NDArray[np.float32]
 Array: TypeAlias = NDArray[np.float64]
 
-# Parts of the lit frames that see a pixel evenly lit, and steps of contrast between the others.
-_EVEN_PARTS = (1.0, 0.72, 0.5, 0.33, 0.22, 0.11, 0.05)
-_STEPS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Direct light, in units of noise, from which the growth tells kinds apart.
-_TELLING = 6.0
 # Standard deviation of the error of the bias, in units of noise, among the pixels of a window;
 # chosen on simulated scenes (sharp, pitches 10, 44, 72) and synthetic pixels, rather too wide.
 _KIND_SPREAD = 0.5
-# Side of the window on the lattice over which the growth is averaged.
-_NEAR = 5
+# Values that are taken through all steps together, in the first cache.
+_TOGETHER = 512
+_LINES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,122 +51,6 @@ class Estimate:
 
     direct_light: Image
     deviation: Image
-
-
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """What to make of max/min, or of an amplitude, in units of a frame's noise.
-
-    Parameters
-    ----------
-    middle, half
-        float64, (kinds, entries): `processing.order_statistics.IntervalTable` for each kind of
-        pixel; how many frames come near the extrema, and how near, makes the kind.
-    swing, growth
-        float64, (kinds, deltas) and (kinds, 2, deltas): `FrameSample.growth` to be expected.
-    """
-
-    middle: Array
-    half: Array
-    swing: Array
-    growth: Array
-
-    @classmethod
-    def of(cls, contrasts: Array, white_deviation: float | None = None) -> Correction:
-        """Correction of max/min for pixels with known contrasts.
-
-        Parameters
-        ----------
-        contrasts
-            (frames,) at the place of a pixel, see `processing.footprint`; or (kinds, frames).
-        white_deviation
-            None where direct light is max − min; where white was made use of,
-            2 max(max f, W − min f) − W, the standard deviation of its noise over that of a frame.
-        """
-        return cls._stacked(
-            [
-                range_distribution(one)
-                if white_deviation is None
-                else complemented_distribution(one, white_deviation)
-                for one in np.atleast_2d(contrasts)
-            ]
-        )
-
-    @classmethod
-    def of_amplitude(cls) -> Correction:
-        """Correction of the amplitude of a sinusoid."""
-        return cls._stacked([amplitude_distribution])
-
-    @classmethod
-    def _stacked(cls, distributions: Sequence[Distribution]) -> Correction:
-        rows = [IntervalTable.of([one]) for one in distributions]
-        ratios = STEP * np.arange(max(len(row.middle) for row in rows), dtype=np.float64)
-        filled = [row(ratios) for row in rows]
-        middle, half = (np.stack([one[k] for one in filled]) for k in (0, 1))
-        means = [mean_range(one) for one in distributions]
-        growth = [[_grown(delta, mean, added) for added in ADDED] for delta, mean in means]
-        return cls(middle, half, np.array([mean for _, mean in means]), np.array(growth))
-
-    def kinds(self, light: Array, growth: Array) -> NDArray[np.int64]:
-        """Which kind each pixel of a lattice is, from what noise does to its neighbourhood.
-
-        Parameters
-        ----------
-        light
-            (rows, columns, colours), (max − min)/σ; 0 where a pixel is of no use.
-        growth
-            (2, rows, columns, colours), `FrameSample.growth`.
-        """
-        counts = light > _TELLING
-        misfit = np.empty((len(self.middle), *light.shape))
-        for k, (mean, curves) in enumerate(zip(self.swing, self.growth, strict=True)):
-            off = [
-                np.where(counts, seen - np.interp(light, mean, curve), 0)
-                for seen, curve in zip(growth, curves, strict=True)
-            ]
-            misfit[k] = sum(_around(one) ** 2 for one in off)
-        found: NDArray[np.int64] = np.argmin(misfit, axis=0)
-        return np.where(_around(counts.astype(float)) > 0, found, 0)
-
-
-def _grown(swing: Array, mean: Array, added: float) -> Array:
-    """Growth of the mean range: noise that is larger by ν is light that is smaller by ν."""
-    larger = np.sqrt(1 + added)
-    grown: Array = larger * np.interp(swing / larger, swing, mean) - mean
-    return grown
-
-
-def _around(image: Array) -> Array:
-    """Mean over neighbours on the lattice and over the colours."""
-    near = ndimage.uniform_filter(image.mean(axis=2, keepdims=True), (_NEAR, _NEAR, 1))
-    mean: Array = np.broadcast_to(near, image.shape)
-    return mean
-
-
-@lru_cache(maxsize=16)
-def extrema_correction(n_frames: int, white_deviation: float | None = None) -> Correction:
-    """Correction for the frames of a pitch where no place is known.
-
-    Of the frames in which a pixel is lit, some may see it evenly lit (a number of them, the first
-    kind all), the others less and less (by a step in contrast from each to the next): the pixel's
-    footprint straddles an edge, or light that travelled tilts the plateau.
-
-    Parameters
-    ----------
-    n_frames
-        Of the pitch, ≥ 2.
-    white_deviation
-        See `Correction.of`.
-    """
-    half = max(n_frames // 2, 1)
-    even = sorted({max(1, round(half * part)) for part in _EVEN_PARTS}, reverse=True)
-    kinds = []
-    for n_even in even:
-        for step in _STEPS if n_even < half else _STEPS[:1]:
-            falling = np.maximum(1 - step * np.arange(1, half - n_even + 1), 0.0)
-            lit = np.concatenate([np.ones(n_even), falling])
-            kinds.append(np.concatenate([lit, -lit]))
-    return Correction.of(np.stack(kinds), white_deviation)
 
 
 def extrema_estimate(
@@ -211,27 +83,6 @@ def extrema_estimate(
     if kinds is None:
         kinds = np.zeros((1, 1, white.shape[-1]), np.int64)
     return _estimate(direct_light, white, kinds, noise, correction, (leak, 1.0, True))
-
-
-def measured_kinds(
-    sample: FrameSample, noise: FrameNoise, usable: NDArray[np.bool_], correction: Correction
-) -> NDArray[np.int64]:
-    """Kinds of the pixels of the lattice, for `extrema_estimate`.
-
-    Parameters
-    ----------
-    sample
-        The frames.
-    noise
-        Of a frame.
-    usable
-        bool, (rows, columns), True where a pixel of the lattice counts.
-    correction
-        The kinds.
-    """
-    light, growth = sample.growth(noise)
-    counts = usable[..., np.newaxis] & np.isfinite(light)
-    return correction.kinds(np.where(counts, light, 0), growth)
 
 
 def amplitude_estimate(
@@ -336,53 +187,106 @@ def _estimate(
     leak, gain, extrema = how
     if not 0 <= leak < 1:
         raise ValueError(f"leak is a fraction of white in [0, 1), not {leak}")
-    estimated, deviation = np.empty(white.shape, np.float32), np.empty(white.shape, np.float32)
-    measured = kinds.size > kinds.shape[-1]
+    height, width, n_colors = white.shape
+    measured = kinds.size > n_colors
     step = lattice_step(white.shape) if measured else max(white.shape)
     half = np.hypot(correction.half, _KIND_SPREAD) if measured else correction.half
-    # Both of an entry side by side: they are looked up together, all over the tables.
+    # Both of an entry side by side: they are looked up together.
     tables = np.stack([correction.middle, half], axis=-1).astype(np.float32)
-    _correct(
-        direct_light, white, kinds, step, extrema, noise.constant, noise.slope, tables, 1 / STEP,
-        leak, gain, estimated, deviation,
-    )  # fmt: skip
+    # The table of each value of a line: where it begins when they lie one after the other.
+    begins = (kinds.astype(np.int32) * np.int32(tables.shape[1])).repeat(step, axis=1)
+    begins = np.ascontiguousarray(begins[:, :width]).reshape(len(kinds), width * n_colors)
+    lines = np.stack([np.tile(one, width) for one in (noise.constant, noise.slope)])
+    about = (lines.astype(np.float32), tables.reshape(-1, 2), tables.shape[1])
+    numbers = np.array([1 - leak, 1 / STEP, (1 + leak) / 2, gain, 1 / (1 - leak)], np.float32)
+    estimated, deviation = np.empty(white.shape, np.float32), np.empty(white.shape, np.float32)
+    images = [
+        np.ascontiguousarray(image).reshape(height, width * n_colors)
+        for image in (direct_light, white, estimated, deviation)
+    ]
+
+    def correct(first: int) -> None:
+        direct, lit, found, error = (image[first : first + _LINES] for image in images)
+        bands = np.arange(first, first + len(direct)) // step
+        _correct(direct, lit, found, error, begins, bands, about, numbers, extrema)
+
+    with ThreadPoolExecutor(get_num_threads(), thread_name_prefix="correct") as threads:
+        list(threads.map(correct, range(0, height, _LINES)))
     return Estimate(estimated, deviation)
 
 
-@njit(cache=True, error_model="numpy")
-def _look_up(table, at):  # type: ignore[no-untyped-def]
-    """Middle and half width, linear between entries."""
-    last = len(table) - 1
-    index = min(int(at), last - 1)
-    part = min(at - index, 1.0)
-    middle = table[index, 0] + part * (table[index + 1, 0] - table[index, 0])
-    half = table[index, 1] + part * (table[index + 1, 1] - table[index, 1])
-    return middle, half, max(at - last, 0.0)
+# Element by element, and nothing is contracted: vectors of any width give the same bits. Only the
+# tables are looked up one by one.
+_compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@_compiled
+def _variance(light, constant, slope):  # type: ignore[no-untyped-def]
+    least = np.float32(1e-30)
+    variance = constant + slope * (light if light > np.float32(0) else np.float32(0))
+    return variance if variance > least else least
+
+
+@_compiled
+def _place(reading, unit, entries, index, part, beyond):  # type: ignore[no-untyped-def]
+    """Where readings lie in a table: entry, part of the way to the next, and what is beyond."""
+    end = np.float32(entries - 1)
+    for i in range(len(reading)):
+        at = reading[i] / unit[i]
+        held = at if at < end else end
+        entry = np.int32(held)
+        entry = entry if entry < entries - 2 else np.int32(entries - 2)
+        index[i], part[i], beyond[i] = entry, held - np.float32(entry), at - held
+
+
+@_compiled
+def _look_up(column, begin, index, part, found):  # type: ignore[no-untyped-def]
+    for i in range(len(index)):
+        at = begin[i] + index[i]
+        found[i] = column[at] + part[i] * (column[at + 1] - column[at])
+
+
+@_compiled
 def _correct(  # type: ignore[no-untyped-def]
-    direct, white, kinds, step, extrema, constant, slope, tables, per_step, leak, gain,
-    estimated, deviation,
-):  # fmt: skip
-    height, width, colours = direct.shape
-    for y in prange(height):
-        for x in range(width):
-            for c in range(colours):
-                table = tables[kinds[y // step, x // step, c]]
+    direct, white, estimated, deviation, begins, bands, about, numbers, extrema
+):
+    """Correct some lines, (lines, values), of which each has its kinds in one of `begins`."""
+    (constant, slope), tables, entries = about
+    kept, per_step, level_of_white, gain, freed = numbers
+    half, zero = np.float32(0.5), np.float32(0)
+    reading, level, unit, part, beyond, middle, width, lit, dark = np.empty(
+        (9, _TOGETHER), np.float32
+    )
+    index = np.empty(_TOGETHER, np.int32)
+    for y in range(len(direct)):
+        for start in range(0, direct.shape[1], _TOGETHER):
+            some = slice(start, min(start + _TOGETHER, direct.shape[1]))
+            n = some.stop - some.start
+            seen, whole, begin = direct[y, some], white[y, some], begins[bands[y], some]
+            fixed, rising = constant[some], slope[some]
+            for i in range(n):
                 # The plain reading of the pattern alone; light halfway between lit and dark.
-                reading = max(direct[y, x, c] * (1 - leak), 0.0) * per_step
-                level = 0.5 * (1 + leak) * white[y, x, c]
-                lit = dark = max(constant[c] + slope[c] * max(level, 0.0), 1e-30)
-                if extrema:
-                    one = np.sqrt(lit)
-                    first, _, beyond = _look_up(table, reading / one)
-                    swing = 0.5 * max((first + beyond / per_step) * one, 0.0)
-                    lit = max(constant[c] + slope[c] * max(level + swing, 0.0), 1e-30)
-                    dark = max(constant[c] + slope[c] * max(level - swing, 0.0), 1e-30)
-                one = 0.5 * (np.sqrt(lit) + np.sqrt(dark)) * gain
-                found, width_, beyond = _look_up(table, reading / one)
+                plain = seen[i] * kept
+                reading[i] = (plain if plain > zero else zero) * per_step
+                level[i] = level_of_white * whole[i]
+                lit[i] = dark[i] = _variance(level[i], fixed[i], rising[i])
+            if extrema:
+                for i in range(n):
+                    unit[i] = np.sqrt(lit[i])
+                _place(reading[:n], unit, entries, index, part, beyond)
+                _look_up(tables[:, 0], begin, index[:n], part, middle)
+                for i in range(n):
+                    swing = half * ((middle[i] + beyond[i] / per_step) * unit[i])
+                    swing = swing if swing > zero else zero
+                    lit[i] = _variance(level[i] + swing, fixed[i], rising[i])
+                    dark[i] = _variance(level[i] - swing, fixed[i], rising[i])
+            for i in range(n):
+                unit[i] = half * (np.sqrt(lit[i]) + np.sqrt(dark[i])) * gain
+            _place(reading[:n], unit, entries, index, part, beyond)
+            _look_up(tables[:, 0], begin, index[:n], part, middle)
+            _look_up(tables[:, 1], begin, index[:n], part, width)
+            found, error = estimated[y, some], deviation[y, some]
+            for i in range(n):
+                found[i] = (middle[i] + beyond[i] / per_step) * unit[i] * freed
                 # Errors of the two extrema add up in squares, their biases as they are.
-                error = gain * np.sqrt(0.5 * (lit + dark)) / (1 - leak)
-                estimated[y, x, c] = (found + beyond / per_step) * one / (1 - leak)
-                deviation[y, x, c] = width_ * error
+                error[i] = width[i] * (gain * np.sqrt(half * (lit[i] + dark[i]))) * freed

@@ -22,7 +22,8 @@ def sample_stride(mask: NDArray[np.bool_], axes: int = 2, enough: int = _ENOUGH)
     enough
         Pixels.
     """
-    return int(np.ceil((np.count_nonzero(mask) / enough) ** (1 / axes)))
+    lines = np.count_nonzero(mask) / enough
+    return int(np.ceil(lines if axes == 1 else np.sqrt(lines)))
 
 
 def stratified(length: int, stride: int, turn: int = 0) -> NDArray[np.int64]:

@@ -131,6 +131,16 @@ def test_a_component_too_many_is_said_to_be_noise(mixture: Mixture) -> None:
     assert found.significant == 3
 
 
+def test_what_holds_no_light_at_all_stays_empty(mixture: Mixture) -> None:
+    """An even board without noise: direct light alone, the same bits at every pitch."""
+    rows = np.repeat(mixture.components[:1], 5, axis=0)
+    found = decompose_iva(rows, [8, 16, 32, 64, np.inf], EVERYWHERE)
+    np.testing.assert_allclose(found.components[0], rows[0], rtol=1e-5)
+    assert np.abs(found.components[1:]).max() < 1e-5
+    assert found.significant == 1
+    np.testing.assert_allclose(found.mixing[..., 0], 1, atol=1e-6)
+
+
 def test_noise_at_every_scale_is_said(mixture: Mixture) -> None:
     found = decompose_iva(noisy(mixture.rows, 0.1), mixture.pitch_px, EVERYWHERE)
     assert any("noise drowns" in one.what for one in found.warnings)

@@ -10,17 +10,21 @@ from numpy.typing import NDArray
 
 from processing.footprint import contrast
 from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
-from processing.order_statistics import IntervalTable, amplitude_distribution, range_distribution
+from processing.noise_bias import Correction, extrema_correction, measured_kinds
+from processing.order_statistics import (
+    IntervalTable,
+    amplitude_distribution,
+    mean_extrema,
+    mean_range,
+    range_distribution,
+)
 from processing.patterns import Family, Pattern, shift_grid
 from processing.separation import ExtremaSeparation, SinusoidSeparation
 from processing.single_pitch import (
-    Correction,
     CorrelationSeparation,
     Estimate,
     amplitude_estimate,
-    extrema_correction,
     extrema_estimate,
-    measured_kinds,
 )
 
 SHAPE = (90, 120)
@@ -217,6 +221,26 @@ def test_intervals_hold_at_any_amount_of_light(contrasts: Array, swing: float) -
     assert np.mean(np.abs(found.direct_light - swing) <= found.deviation) == pytest.approx(
         RATE, abs=0.015
     )
+
+
+@pytest.mark.parametrize(
+    ("frames", "expected"),
+    [
+        pytest.param(2, 1.128, id="2"),
+        pytest.param(10, 3.078, id="10"),
+        pytest.param(25, 3.931, id="25"),
+    ],
+)
+def test_the_mean_range_of_noise_is_that_of_control_charts(frames: int, expected: float) -> None:
+    """d₂ of ISO 7870-2, to the digits that it prints."""
+    _, mean = mean_extrema(np.linspace(-1, 1, frames))
+    assert mean[0] == pytest.approx(expected, abs=6e-4)
+
+
+def test_both_ways_to_the_mean_range_agree() -> None:
+    contrasts = np.sin(np.linspace(0.1, 6, 20))
+    one, other = mean_extrema(contrasts), mean_range(range_distribution(contrasts))
+    np.testing.assert_allclose(one, other, atol=1e-5)
 
 
 def test_the_median_of_a_pixel_without_light_is_none() -> None:
