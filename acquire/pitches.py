@@ -128,24 +128,6 @@ def open_rows(folder: Path, pitches: tuple[PitchRecord, ...]) -> list[Image]:
     return [tifffile.memmap(folder / pitch.direct, mode="r") for pitch in pitches]
 
 
-def blank_unusable(image: Image, mask: NDArray[np.uint8]) -> None:
-    """Make saturated pixels NaN and unlit ones 0, in place."""
-    image[mask == PixelClass.SATURATED] = np.nan
-    image[mask == PixelClass.UNLIT] = 0
-
-
-def blank_files(folder: Path, separated: SeparatedPitches) -> None:
-    """Blank what could not be measured in every pitch's files."""
-    for pitch in separated.pitches:
-        for path in (pitch.direct, pitch.global_, pitch.corrected, pitch.deviation):
-            if path is None:
-                continue
-            with storage(folder / path):
-                image = tifffile.memmap(folder / path, mode="r+")
-                blank_unusable(image, separated.mask)
-                image.flush()
-
-
 def _left(contrast: OpticalContrast, group: PitchGroup, lit: Image | None) -> NDArray[np.float32]:
     """What the optics leave of a pitch's direct light, (3,)."""
     patterns = [frame.pattern for frame in group.frames]
