@@ -47,8 +47,8 @@ def rows_of(megapixels: float, n_rows: int) -> Image:
 def textured(shape: tuple[int, int], cell_px: int, rng: np.random.Generator) -> Image:
     """Patches of about `cell_px`, in three colours."""
     coarse = rng.random((shape[0] // cell_px + 2, shape[1] // cell_px + 2, 3), np.float32)
-    image: Image = cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_NEAREST)
-    return image / 3
+    image = cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(image / 3, np.float32)
 
 
 @numba.njit(parallel=True, fastmath=True)

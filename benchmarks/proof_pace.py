@@ -71,8 +71,8 @@ def main() -> None:
         sample_frame(data, MEDIA_TYPE, Transfer.RAW)
         pairs = [
             (
-                seconds(lambda data=data: unpack(data)),  # type: ignore[misc]
-                seconds(lambda data=data: sample_frame(data, MEDIA_TYPE, Transfer.RAW)),  # type: ignore[misc]
+                seconds(lambda data=data: unpack(data)),
+                seconds(lambda data=data: sample_frame(data, MEDIA_TYPE, Transfer.RAW)),
             )
             for _ in range(ROUNDS)
         ]

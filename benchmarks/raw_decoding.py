@@ -35,7 +35,8 @@ def photograph() -> NDArray[np.uint16]:
     down, right = np.mgrid[:HEIGHT, :WIDTH]
     signal = 4000 + 3000 * np.sin(down / 400) * np.cos(right / 300)
     noisy = np.random.default_rng(1).normal(signal, np.sqrt(signal))
-    return (512 + noisy).clip(0, 16383).astype(np.uint16)
+    counts: NDArray[np.uint16] = (512 + noisy).clip(0, 16383).astype(np.uint16)
+    return counts
 
 
 def compressed(uncompressed: bytes) -> bytes:
@@ -52,7 +53,7 @@ def compressed(uncompressed: bytes) -> bytes:
     buffer = io.BytesIO()
     tifffile.imwrite(
         buffer,
-        iter([strip]),
+        iter([bytes(strip)]),
         shape=counts.shape,
         dtype=np.uint16,
         compression=7,

@@ -88,7 +88,7 @@ class Scenery:
         noise = np.roll(self.noise, (37 * index, 101 * index), (0, 1))
         light += noise * np.sqrt(light / FULL_WELL_E + (5 / FULL_WELL_E) ** 2)
         counts = np.rint(BLACK_LEVEL + (WHITE_LEVEL - BLACK_LEVEL) * light)
-        return counts.clip(0, WHITE_LEVEL).astype(np.uint16)
+        return np.asarray(counts.clip(0, WHITE_LEVEL), np.uint16)
 
 
 def first_pitches(pitches: int) -> tuple[Pattern, ...]:

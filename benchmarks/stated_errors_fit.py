@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from benchmarks.rendered_captures import captures
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
@@ -118,10 +118,12 @@ def fitted_coefficients(seen: list[Samples], quantile: float) -> Array:
         return coefficients
 
     logs = np.full(len(_TIED), np.log(_START))
+    low, high = (np.full(len(_TIED), np.log(end)) for end in _BOUNDS)
+    bounds = Bounds(low, high)
     for _ in range(_SWEEPS):
-        logs = minimize(
+        logs = minimize(  # type: ignore[call-overload]  # its stubs know no float options
             lambda at: loss(seen, spread(at), quantile), logs, method="Powell",
-            bounds=[tuple(np.log(_BOUNDS))] * len(logs),
+            bounds=bounds,
             options={"maxiter": 8, "xtol": 0.02, "ftol": 1e-4},
         ).x  # fmt: skip
     return spread(np.asarray(logs))
