@@ -214,13 +214,16 @@ def _write_npz(parcel: Parcel, path: Path) -> None:
 
 
 def _write_hdf5(parcel: Parcel, path: Path) -> None:
-    """Everything that reads HDF5: a dataset a name, (height, width, colour)."""
+    """Everything that reads HDF5: a dataset a name, (height, width, colour).
+
+    What is said is a dataset too: an attribute holds 64 kB, the words of some 300 pitches.
+    """
     try:
         import h5py
     except ImportError as error:
         raise _missing("HDF5", "h5py") from error
     with h5py.File(path, "w") as file:
-        file.attrs["lumisplit"] = description_text(parcel.said)
+        file.create_dataset("lumisplit", data=description_text(parcel.said))
         for name in parcel.images:
             data = file.create_dataset(name, data=parcel.image(name))
             data.attrs["unit"] = str(parcel.said["unit"])

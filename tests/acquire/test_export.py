@@ -86,8 +86,8 @@ def test_exr(result: Result, tmp_path: Path) -> None:
 def test_hdf5(result: Result, tmp_path: Path) -> None:
     (path,) = export(result, Format.HDF5, tmp_path / "r.h5")
     with pyfive.File(str(path)) as file:
-        read: Arrays = {name: file[name][...] for name in file if name != "mask"}
-        check(result, read, file["mask"][...], _text(file.attrs["lumisplit"]))
+        read: Arrays = {name: file[name][...] for name in file if name not in ("mask", "lumisplit")}
+        check(result, read, file["mask"][...], _text(file["lumisplit"][()]))
         assert _text(file["direct"].attrs["channels"]) == "R,G,B"
         assert "saturated" in _text(file["mask"].attrs["classes"])
 
@@ -243,9 +243,20 @@ def check_pitches(result: Result, read: Arrays, said: str) -> None:
 def test_pitches_as_hdf5(with_pitches: Result, tmp_path: Path) -> None:
     (path,) = export(with_pitches, Format.HDF5, tmp_path / "p.h5", pitches=True)
     with pyfive.File(str(path)) as file:
-        read: Arrays = {name: file[name][...] for name in file if name != "mask"}
+        read: Arrays = {name: file[name][...] for name in file if name not in ("mask", "lumisplit")}
         assert np.array_equal(file["mask"][...], with_pitches.mask)
-        check_pitches(with_pitches, read, _text(file.attrs["lumisplit"]))
+        check_pitches(with_pitches, read, _text(file["lumisplit"][()]))
+
+
+def test_more_pitches_than_an_attribute_has_room_for(with_pitches: Result, tmp_path: Path) -> None:
+    first = with_pitches.record.pitches[0]
+    many = tuple(first.model_copy(update={"pitch_px": 2 * k}) for k in range(1, 701))
+    record = with_pitches.record.model_copy(update={"pitches": many})
+    export(Result(with_pitches.folder, record), Format.HDF5, tmp_path / "p.h5", pitches=True)
+    with pyfive.File(str(tmp_path / "p.h5")) as file:
+        said = _text(file["lumisplit"][()])
+    assert len(said) > 1 << 16
+    assert [one["pitch_px"] for one in json.loads(said)["pitches"]] == list(range(2, 1402, 2))
 
 
 def test_pitches_as_npz(with_pitches: Result, tmp_path: Path) -> None:
