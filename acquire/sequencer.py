@@ -227,12 +227,12 @@ class _Capture:
             except CameraTimeoutError as error:
                 if attempt == self.plan.camera.retries or self.stop.is_set():
                     raise CameraTimeoutError(
-                        f"Step {step.index} ({step.pattern}): {error} Tried {attempt + 1} "
-                        "time(s), as the plan's camera.retries says. Every frame before it is "
-                        "safe; the same command goes on from here."
+                        f"Step {step.index} ({step.pattern}): {_sentence(error)} Tried "
+                        f"{attempt + 1} time(s), as the plan's camera.retries says. Every frame "
+                        "before it is safe; the same command goes on from here."
                     ) from error
                 self.journal.note(
-                    f"step {step.index}: {error} Trying again.", Kind.TIMEOUT, step.index
+                    f"step {step.index}: {_sentence(error)} Trying again.", Kind.TIMEOUT, step.index
                 )
             else:
                 _check_settings(step, frame.settings)
@@ -254,6 +254,11 @@ class _Capture:
     def _finish(self, writing: Future[Step] | None) -> None:
         if writing is not None:
             self.observer.frame_kept(writing.result(), len(self.plan))
+
+
+def _sentence(error: Exception) -> str:
+    said = str(error)
+    return said if said.endswith((".", "?", "!")) else f"{said}."
 
 
 def _check_settings(step: Step, actual: CameraSettings) -> None:

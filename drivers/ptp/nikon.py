@@ -246,9 +246,7 @@ class NikonBody:
         for handle in [*added, *added[:1] * (expected - len(added))]:
             files += self._fetch(handle)
         if not files:
-            raise CameraTimeoutError(
-                "the camera says that it exposed but has no picture to fetch; try again"
-            )
+            raise CameraTimeoutError("the camera says that it exposed but has no picture to fetch")
         return sorted(files, key=objects.is_jpeg)
 
     def _fetch(self, handle: int) -> list[CameraFile]:

@@ -162,9 +162,7 @@ class SimulatedCamera:
         if chance.timed_out:
             stage.attempt += 1
             stage.clock.sleep(settings.exposure_s + TIMEOUT_S)
-            raise CameraTimeoutError(
-                f"no file {TIMEOUT_S:g} s after exposure {stage.index}; try it again"
-            )
+            raise CameraTimeoutError(f"no file {TIMEOUT_S:g} s after exposure {stage.index}")
         if chance.swapped and stage.file_delivered_last is not None:
             data = stage.file_delivered_last
         else:

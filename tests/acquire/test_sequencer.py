@@ -89,12 +89,20 @@ def test_every_frame_holds_its_own_pattern(tmp_path: Path) -> None:
         assert session.read(frame) == frame.pattern.raster(RESOLUTION).tobytes()
 
 
-def test_a_time_out_is_tried_again(tmp_path: Path) -> None:
-    camera = BareCamera(BareProjector(), {4: CameraTimeoutError("no file came.")})
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        ("no file came", "step 4: no file came. Trying again."),
+        ("no file came.", "step 4: no file came. Trying again."),
+        ("is it asleep?", "step 4: is it asleep? Trying again."),
+    ],
+)
+def test_a_time_out_is_tried_again(tmp_path: Path, error: str, said: str) -> None:
+    camera = BareCamera(BareProjector(), {4: CameraTimeoutError(error)})
     notes = Notes()
     session, _ = captured(tmp_path / "s", bench=bare_bench(camera), notes=notes)
     assert session.complete
-    assert [text for text in notes.warnings if "step 4" in text]
+    assert [text for text in notes.warnings if "step 4" in text] == [said]
 
 
 def test_too_many_time_outs_stop_cleanly_and_can_be_gone_on_with(tmp_path: Path) -> None:
