@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
@@ -100,8 +99,11 @@ def capture(
             ).run()
     except BaseException as error:
         reason = str(error) or type(error).__name__
-        with suppress(StorageError):
+        try:
             session.end_run(devices.clock.now(), "failed", reason)
+        except StorageError:
+            # On a full disk a line may still find room where the record does not.
+            journal.keep(reason, Kind.END)
         raise
     session.end_run(devices.clock.now(), outcome)
     return outcome
@@ -117,6 +119,10 @@ class Journal:
     def note(self, text: str, kind: Kind = Kind.WARNING, step: int | None = None) -> None:
         """Tell and keep."""
         self._observer.warning(text)
+        self.keep(text, kind, step)
+
+    def keep(self, text: str, kind: Kind, step: int | None = None) -> None:
+        """Keep what is told otherwise."""
         note = Note(time_s=self._clock.now(), kind=kind, step=step, text=text[:MAX_TEXT])
         with self._lock:
             append_note(self._session.folder, note)

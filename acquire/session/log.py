@@ -28,6 +28,7 @@ class Kind(StrEnum):
     SUSPENSION = "suspension"
     REPAIR = "repair"
     WARNING = "warning"
+    END = "end"  # why a run ended, where its record could not be written
 
 
 class Note(StrictModel):

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import disk_usage
 from typing import TypeVar
 
 from filelock import FileLock, Timeout
@@ -21,6 +22,7 @@ from acquire.session.folder import (
     whole_bytes,
     write_durably,
 )
+from acquire.session.log import Kind, read_notes
 from acquire.session.records import FrameRecord, RunRecord, SessionRecord
 from acquire.validation import explain
 
@@ -34,6 +36,11 @@ PROOF = "proof.jsonl"
 PROFILES = "profiles"
 LOCK = ".lock"
 INTERRUPTED = "It ended without a word: the power failed, or the program was killed."
+FILLED = (
+    "It ended without a word: the power failed, the program was killed, or its disk filled up so "
+    "far that not even that could be written. The disk is full now: make room."
+)
+FULL_BYTES = 64 << 10
 
 
 class Session:
@@ -157,7 +164,7 @@ class Session:
         run = RunRecord(started_s=started_s, first_step=len(self.frames))
         before = self.record.runs
         if before and before[-1].outcome == "running":
-            broken = {"outcome": "interrupted", "reason": INTERRUPTED}
+            broken = {"outcome": "interrupted", "reason": self.unsaid_end}
             before = (*before[:-1], before[-1].model_copy(update=broken))
         self._rewrite((*before, run))
 
@@ -169,6 +176,17 @@ class Session:
             | {"finished_s": finished_s, "outcome": outcome, "reason": reason[:2000]}
         )
         self._rewrite((*before, ended))
+
+    @property
+    def unsaid_end(self) -> str:
+        """Why the last run ended, where its record does not say."""
+        started_s = self.record.runs[-1].started_s
+        ends = (note for note in read_notes(self.folder) if note.kind is Kind.END)
+        said = [note.text for note in ends if note.time_s >= started_s]
+        if said:
+            return said[-1]
+        with storage(self.folder):
+            return FILLED if disk_usage(self.folder).free < FULL_BYTES else INTERRUPTED
 
     def read(self, frame: FrameRecord) -> bytes:
         """The camera's bytes of a frame, checked against their digest."""

@@ -11,7 +11,6 @@ from acquire.session.log import LOG, Kind, read_notes
 from acquire.session.recovery import remains, torn_bytes
 from acquire.session.store import (
     FRAMES,
-    INTERRUPTED,
     LINES,
     LOCK,
     PLAN,
@@ -59,7 +58,7 @@ def incidents(session: Session) -> Iterator[str]:
             more = ", …" if len(steps) > MOST_TOLD else ""
             where = ", ".join(list(steps)[:MOST_TOLD]) + more
             yield f"{words.format(counts[kind])} (step {where})."
-    said = {*_COUNTED, Kind.SUSPECT}
+    said = {*_COUNTED, Kind.SUSPECT, Kind.END}
     rest = list(dict.fromkeys(note.text for note in notes if note.kind not in said))
     yield from rest[:MOST_TOLD]
     if len(rest) > MOST_TOLD:
@@ -75,7 +74,8 @@ def _runs(session: Session) -> Iterator[str]:
             continue
         reason = run.reason
         if run.outcome == "running":
-            reason = "It is still going on." if session.is_being_written else INTERRUPTED
+            going_on = session.is_being_written
+            reason = "It is still going on." if going_on else session.unsaid_end
         where = f"run {number} of {len(runs)}, from step {run.first_step}"
         yield f"{where}: {run.outcome}{': ' if reason else '.'}{reason}"
 

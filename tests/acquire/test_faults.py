@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import threading
 import time
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from acquire.errors import SessionError
+from acquire.errors import SessionError, StorageError
 from acquire.recording import record
 from acquire.rig.bench import Bench, Resumption, closed_with
 from acquire.sequencer import Outcome
@@ -379,3 +380,29 @@ def test_a_camera_that_is_gone_ends_the_run_soon_and_the_next_goes_on(
         session, _ = over_tcp(tmp_path / "s", port)
     assert contents(session) == undisturbed
     assert session.complete
+
+
+def test_a_disk_too_full_to_note_why_a_run_ended_is_told_all_the_same(
+    tmp_path: Path, clean: Session
+) -> None:
+    """Neither a frame nor the record has room, but a line at the end of a file has."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill_up(number: int) -> bool:
+        if number == 9:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (600, hard))
+        return False
+
+    try:
+        with pytest.raises(StorageError, match="The disk is full"):
+            captured(tmp_path / "s", PLAN, with_faults(small_bench(), Faults(dark=fill_up)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    session = Session.open(tmp_path / "s")
+    assert session.record.runs[-1].outcome == "running"
+    assert "run 1 of 1, from step 0: running: The disk is full" in said(tmp_path / "s")
+    session, _ = captured(tmp_path / "s", PLAN, small_bench())
+    assert contents(session) == contents(clean)
+    told = said(tmp_path / "s")
+    assert "run 1 of 2, from step 0: interrupted: The disk is full" in told
+    assert told.count("The disk is full") == 1

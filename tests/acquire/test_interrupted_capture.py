@@ -243,3 +243,21 @@ def test_a_disk_that_takes_no_more_stops_cleanly_and_is_gone_on_with(
     mend()
     assert_as_never_disturbed(nursery, room, session)
     assert "every digest is right" in nursery.run("verify", str(session)).output
+
+
+@pytest.mark.skipif(not can_mount(), reason="this system does not let a user make a small disk")
+def test_of_a_full_disk_it_is_said_that_it_may_have_been_full(
+    nursery: Nursery, room: Path, session: Path
+) -> None:
+    disk = session.parent
+    words = ("-t", "tmpfs", "-o", "size=80m", "tmpfs", str(disk))
+    assert nursery.run(*words, program="mount").returncode == 0
+    child = nursery.start(*capture(room, session))
+    wait_for_lines(child, nursery.seen(session), 5)
+    child.send_signal(signal.SIGKILL)
+    child.finish()
+    assert "or its disk filled up" not in nursery.run("verify", str(session)).output
+    mend = _fill(nursery, disk)
+    assert "The disk is full now: make room." in nursery.run("verify", str(session)).output
+    mend()
+    assert_as_never_disturbed(nursery, room, session)
