@@ -20,7 +20,7 @@ from acquire.session import Session, SessionRecord
 from acquire.session.folder import write_durably
 from acquire.session.log import Kind
 from acquire.session.records import host, versions
-from acquire.session.recovery import recover
+from acquire.session.recovery import recover, remedy
 from acquire.storage import check_room
 
 TRUTH = "truth.npz"
@@ -36,8 +36,11 @@ def record(
     pause: Pause | None = None,
     *,
     keep_unproven: bool = False,
+    mend: bool = False,
 ) -> tuple[Session, Outcome]:
     """Capture a plan into a folder; goes on where an interrupted capture stopped.
+
+    With `mend` the last frames are taken again where their files were lost or damaged since.
 
     Raises
     ------
@@ -51,9 +54,12 @@ def record(
     check_fits(plan, bench.resolution, bench.name)
     with Session.locked(folder):
         session = _session(plan, bench, folder)
-        repairs = recover(session)
+        repairs = recover(session, mend=mend)
         missing = len(plan) - len(session.frames)
-        if missing == 0 and session.record.runs and session.record.runs[-1].outcome == "complete":
+        was_complete = session.record.runs and session.record.runs[-1].outcome == "complete"
+        # Of what was dropped to be mended nothing may be missing but a second attempt.
+        if missing == 0 and was_complete and not repairs:
+            _check_there(session)
             return session, Outcome.COMPLETE
         check_room(folder, missing * bench.frame_bytes + ROOM_KEPT_BYTES)
         _write_truth(plan, bench, folder)
@@ -90,6 +96,17 @@ def _session(plan: Plan, bench: Bench, folder: Path) -> Session:
             "is captured on one. Give that bench, or another --out."
         )
     return session
+
+
+def _check_there(session: Session) -> None:
+    """Refuse to call a capture complete whose files are obviously not there any more."""
+    for number, frame in enumerate(session.lines):
+        path = session.folder / frame.file
+        if not path.exists() or path.stat().st_size != frame.size_bytes:
+            raise SessionError(
+                f"{path} is missing or damaged. {remedy(session, number)} `lumisplit verify "
+                f"{session.folder}` lists everything that is wrong."
+            )
 
 
 def _completed(bench: dict[str, JsonValue]) -> dict[str, JsonValue]:

@@ -19,6 +19,7 @@ from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
 from acquire.rig import Bench, find_bench
 from acquire.session import Session
+from acquire.session.recovery import remedy
 from acquire.session.verification import clock_jumps, happenings, problems
 from acquire.storage import check_room, free_bytes
 
@@ -91,6 +92,12 @@ def capture_command(
             help="Go on, and note it, where a frame does not show its pattern after 3 retakes.",
         ),
     ] = False,
+    mend: Annotated[
+        bool,
+        typer.Option(
+            "--mend", help="Take the last frames again whose files were lost or damaged since."
+        ),
+    ] = False,
     page: Annotated[bool, typer.Option("--page", help="Show it on a page in the browser.")] = False,
     port: PortOption = 0,
     as_json: AsJson = False,
@@ -112,6 +119,7 @@ def capture_command(
             out,
             progress,
             keep_unproven=keep_unproven,
+            mend=mend,
             port=where,
             profiles=profiles,
             as_json=as_json,
@@ -158,18 +166,21 @@ def verify_command(
         return
     session = Session.open(folder)
     found: list[str] = []
+    damaged: list[int] = []
     proofs: list[FrameProof] = []
     with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
         progress.stage("verifying", len(session.lines))
-        for problem in problems(session):
+        for number, problem in enumerate(problems(session)):
             if problem is not None:
                 found.append(problem)
+                damaged += [number] if number < len(session.lines) else []
             progress.advance()
         if images and not found:
             progress.stage("judging", len(session.frames))
             proofs = list(examine(session, progress.advance))
     wrong = [proof for proof in proofs if proof.is_wrong]
     befell = [*happenings(session), *camera_clock_jumps(session)]
+    advice = remedy(session, damaged[0]) if damaged else None
     state = (
         "complete" if session.complete else f"{len(session.frames)} of {len(session.plan)} frames"
     )
@@ -181,6 +192,7 @@ def verify_command(
                     "complete": session.complete,
                     "frames": len(session.frames),
                     "problems": found,
+                    "remedy": advice,
                     "runs": befell,
                     "wrong_frames": [proof.model_dump(mode="json") for proof in wrong],
                     "figures": [proof.model_dump(mode="json") for proof in proofs],
@@ -194,6 +206,8 @@ def verify_command(
             typer.echo(line)
         for line in verdict(session, proofs) if images and not found else ():
             typer.echo(line)
+        if advice:
+            typer.echo(advice)
         count = len(found) + len(wrong)
         typer.echo(f"{folder}: {state}, " + (f"{count} problem(s)" if count else _sound(images)))
     if found or wrong:
@@ -237,6 +251,7 @@ def run_capture(
     progress: ProgressDisplay,
     *,
     keep_unproven: bool = False,
+    mend: bool = False,
     port: int | None = None,
     profiles: Mapping[str, Path] | None = None,
     as_json: bool = False,
@@ -255,13 +270,22 @@ def run_capture(
     with stop_on_signals() as stop, progress:
         progress.stage("capturing", len(plan), done)
         if port is None:
-            session, outcome = record(plan, bench, out, progress, stop, keep_unproven=keep_unproven)
+            session, outcome = record(
+                plan, bench, out, progress, stop, keep_unproven=keep_unproven, mend=mend
+            )
         else:
             setting = setting_of(bench, plan, profiles or {}, can_aim=False)
             counts = done, len(plan)
             with capture_page(setting, out, port, progress, stop, counts, aside=as_json) as page:
                 session, outcome = record(
-                    plan, bench, out, page, stop, page.pause, keep_unproven=keep_unproven
+                    plan,
+                    bench,
+                    out,
+                    page,
+                    stop,
+                    page.pause,
+                    keep_unproven=keep_unproven,
+                    mend=mend,
                 )
     again = len(session.lines) - len(session.frames)
     for jump in (*clock_jumps(session), *camera_clock_jumps(session)):

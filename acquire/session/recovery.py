@@ -13,11 +13,19 @@ from pathlib import Path
 from acquire.errors import SessionError
 from acquire.session.folder import MOST_LOST, storage
 from acquire.session.log import recover_notes
+from acquire.session.records import FrameRecord
 from acquire.session.store import FRAMES, LINES, Session
 
 
-def recover(session: Session) -> list[str]:
+def recover(session: Session, *, mend: bool = False) -> list[str]:
     """Put right what the run before left; what was lost by that, in words.
+
+    Parameters
+    ----------
+    session
+        Locked by the caller.
+    mend
+        However the last run ended, take the last frames as lost from the first that is damaged.
 
     Raises
     ------
@@ -29,13 +37,19 @@ def recover(session: Session) -> list[str]:
     for path in remains(session):
         with storage(path):
             path.unlink()
-    lost = _lost(session)
+    runs = session.record.runs
+    broken = bool(runs) and runs[-1].outcome == "running"
+    lost = _lost(session) if broken else 0
+    lost = max(lost, _in_reach(session)) if mend else lost
     if lost:
         steps = ", ".join(str(frame.step) for frame in session.lines[-lost:])
-        said.append(
-            f"the disk had not kept the last {lost} frame(s) that it had confirmed (step {steps}); "
-            "they are taken again"
+        why = (
+            f"the disk had not kept the last {lost} frame(s) that it had confirmed (step {steps})"
+            if broken
+            else f"files were lost after the capture: its last {lost} frame(s) (step {steps}) are "
+            "dropped"
         )
+        said.append(f"{why}; they are taken again")
         session.forget(lost)
     with storage(session.folder), (session.folder / LINES).open("rb+") as file:
         file.truncate(sum(map(len, session.complete_lines())))
@@ -76,10 +90,13 @@ def torn_bytes(session: Session) -> int:
 
 
 def _lost(session: Session) -> int:
-    """How many of the last frames the disk does not hold although it had confirmed them."""
-    runs = session.record.runs
-    if not runs or runs[-1].outcome != "running":
-        return 0
+    """How many of the last frames the disk does not hold although it had confirmed them.
+
+    Raises
+    ------
+    SessionError
+        They are more than a disk loses of what it has not written yet.
+    """
     for lost, frame in enumerate(reversed(session.lines)):
         if lost > MOST_LOST:
             raise SessionError(
@@ -87,9 +104,39 @@ def _lost(session: Session) -> int:
                 "damaged, which no power cut explains. Restore them from a copy; `lumisplit "
                 "verify` lists them."
             )
-        try:
-            session.read(frame)
-        except SessionError:
-            continue
-        return lost
+        if _is_sound(session, frame):
+            return lost
     return len(session.lines)
+
+
+def _in_reach(session: Session) -> int:
+    """How many of the last frames must go with the first that is damaged among them."""
+    last = session.lines[-MOST_LOST:]
+    for number, frame in enumerate(last):
+        if not _is_sound(session, frame):
+            return len(last) - number
+    return 0
+
+
+def remedy(session: Session, damaged: int) -> str:
+    """What to do about frames that are missing or damaged, the first of them in line `damaged`."""
+    if session.record.source is not None:
+        return "Restore the files from a copy, or import the frames again."
+    dropped = len(session.lines) - damaged
+    if dropped > MOST_LOST:
+        return (
+            f"Of frames {dropped} exposures back none can be taken again by itself. Restore the "
+            "files from a copy, or capture anew."
+        )
+    return (
+        f"If bench and scene are as they were, give the capture's command again with `--mend`: it "
+        f"takes the last {dropped} exposure(s) again. Otherwise restore the files from a copy."
+    )
+
+
+def _is_sound(session: Session, frame: FrameRecord) -> bool:
+    try:
+        session.read(frame)
+    except SessionError:
+        return False
+    return True

@@ -55,6 +55,7 @@ def captured(
     pause: Pause | None = None,
     *,
     keep_unproven: bool = False,
+    mend: bool = False,
 ) -> tuple[Session, Outcome]:
     notes = notes or Notes()
     return record(
@@ -65,6 +66,7 @@ def captured(
         notes.stop,
         pause,
         keep_unproven=keep_unproven,
+        mend=mend,
     )
 
 

@@ -12,8 +12,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from acquire.cli.main import app
 from acquire.errors import SessionError, StorageError
+from acquire.proof import read_proofs
 from acquire.recording import record
 from acquire.rig.bench import Bench, Resumption, closed_with
 from acquire.sequencer import Outcome
@@ -149,6 +152,57 @@ def test_frames_that_a_disk_confirmed_and_lost_are_taken_again(
     assert recorded_bytes(folder) == recorded_bytes(whole.folder)
     assert sound(folder)
     assert "had not kept the last 3 frame(s)" in said(folder)
+
+
+def lose_last(folder: Path, whole: Session) -> None:
+    for line in whole.lines[-2:]:
+        (folder / line.file).unlink()
+
+
+def spoil_one(folder: Path, whole: Session) -> None:
+    path = folder / whole.lines[-5].file
+    path.write_bytes(path.read_bytes()[:-1] + b"\0")
+
+
+@pytest.mark.parametrize(
+    ("damage", "dropped"),
+    [pytest.param(lose_last, 2, id="last gone"), pytest.param(spoil_one, 5, id="one byte before")],
+)
+def test_frames_that_were_lost_after_the_capture_are_taken_again_when_asked_for(
+    tmp_path: Path, whole: Session, damage: Callable[[Path, Session], None], dropped: int
+) -> None:
+    folder = tmp_path / "s"
+    shutil.copytree(whole.folder, folder)
+    damage(folder, whole)
+    verified = CliRunner().invoke(app, ["verify", str(folder)])
+    assert verified.exit_code == 1
+    assert f"with `--mend`: it takes the last {dropped} exposure(s) again" in verified.output
+    session, outcome = captured(folder, PLAN, BENCH, mend=True)
+    assert outcome is Outcome.COMPLETE
+    assert recorded_bytes(folder) == recorded_bytes(whole.folder)
+    assert sound(folder)
+    assert f"its last {dropped} frame(s)" in said(folder)
+    assert read_proofs(folder) == read_proofs(whole.folder)
+    # A second time there is nothing to mend.
+    assert captured(folder, PLAN, BENCH, mend=True)[0].record == session.record
+
+
+def test_a_capture_whose_files_are_gone_is_not_called_complete(
+    tmp_path: Path, whole: Session
+) -> None:
+    folder = tmp_path / "s"
+    shutil.copytree(whole.folder, folder)
+    lose_last(folder, whole)
+    before = recorded_bytes(folder)
+    with pytest.raises(SessionError, match=r"missing or damaged\. .*--mend.*verify"):
+        captured(folder, PLAN, BENCH)
+    (folder / whole.lines[3].file).unlink()
+    with pytest.raises(SessionError, match=r"exposures back .*Restore"):
+        captured(folder, PLAN, BENCH)
+    assert recorded_bytes(folder) | {whole.lines[3].file: before[whole.lines[3].file]} == before
+    other = small_bench(seed=4)
+    with pytest.raises(SessionError, match="another bench"):
+        captured(folder, PLAN, other, mend=True)
 
 
 def no_frames(folder: Path) -> None:
