@@ -19,9 +19,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.account_fit import TOTAL_WEIGHT
 from processing.correspondence import decode_residual, refined
 from processing.harmonics import PitchDesign
-from processing.range_fit import TOTAL_WEIGHT
 from processing.response import ResponseTables
 from processing.slopes import look_up, model_errors
 from processing.spectrum import solve_passive, solve_spectrum

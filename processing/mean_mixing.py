@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.account_fit import AccountFit
 from processing.accounts import Account
 from processing.jackknife import half_width
 from processing.linear_algebra import product
-from processing.range_fit import AccountFit
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.account_fit import AccountFit
 from processing.accounts import Account
 from processing.blur import Blur
 from processing.jackknife import tiles
 from processing.mean_mixing import mean_mixing
-from processing.range_fit import AccountFit
 from processing.remarks import Remark
 from processing.scattering import RivalFits
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.account_fit import AccountFit
 from processing.blur import shorth
 from processing.near_light import NearLight
-from processing.range_fit import AccountFit
 from processing.stated_errors import model_errors, signs
 
 Image = NDArray[np.float32]

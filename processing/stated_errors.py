@@ -57,7 +57,7 @@ def signs(
     Parameters
     ----------
     misfits
-        float32, (3, height, width), see `processing.range_fit.AccountFit`.
+        float32, (3, height, width), see `processing.account_fit.AccountFit`.
     components
         float32, (3, height, width): direct, subsurface, inter-reflection.
     rival

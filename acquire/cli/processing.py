@@ -56,60 +56,69 @@ def demo_command(
     typer.echo(f"report: {write_report(result)}")
 
 
+Sessions = Annotated[list[Path], typer.Argument(metavar="SESSION...")]
+Out = Annotated[
+    Path,
+    typer.Option(
+        help="Result folder; an earlier result is replaced. Of several sessions, a folder in which "
+        "each gets one of its own name."
+    ),
+]
+Method = Annotated[
+    str | None, typer.Option(help="One of: ranges, iva. Default: ranges where possible.")
+]
+Number = Annotated[int | None, typer.Option(min=1, help="Number of components of iva; default 3.")]
+Iterations = Annotated[int, typer.Option(min=1, max=10_000, help="AuxIVA iterations.")]
+Smoothing = Annotated[
+    float | None,
+    typer.Option(min=0, max=50, help="σ before the gradients; default: from the noise."),
+]
+Leak = Annotated[
+    float, typer.Option(min=0, max=0.99, help="b of the projector, where no black was captured.")
+]
+Pixels = Annotated[
+    Demosaic,
+    typer.Option(
+        help="Pixels of raw frames. superpixel: one of each 2 × 2 photosites, every value "
+        "measured. bilinear: one of each photosite, two thirds of the values interpolated."
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Dask scheduler, tcp://HOST:PORT, whose workers decode and separate the pitches; "
+        "they see sessions and results under the same paths.",
+    ),
+]
+ProfileFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="A dark, noise, leak or board profile; may be given several times. Those that the "
+        "session's plan names are used anyway."
+    ),
+]
+DriftCorrection = Annotated[
+    bool,
+    typer.Option(
+        "--drift-correction/--no-drift-correction",
+        help="Take smooth drift of lamp and camera between the references off the frames.",
+    ),
+]
+
+
 def process_command(
-    folders: Annotated[list[Path], typer.Argument(metavar="SESSION...")],
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="Result folder; an earlier result is replaced. Of several sessions, a folder in "
-            "which each gets one of its own name."
-        ),
-    ],
-    method: Annotated[
-        str | None,
-        typer.Option(help="One of: ranges, iva. Default: ranges where possible."),
-    ] = None,
-    components: Annotated[
-        int | None, typer.Option(min=1, help="Number of components of iva; default 3.")
-    ] = None,
-    iterations: Annotated[int, typer.Option(min=1, max=10_000, help="AuxIVA iterations.")] = 10,
-    smoothing_px: Annotated[
-        float | None,
-        typer.Option(min=0, max=50, help="σ before the gradients; default: from the noise."),
-    ] = None,
-    leak: Annotated[
-        float,
-        typer.Option(min=0, max=0.99, help="b of the projector, where no black was captured."),
-    ] = 0.0,
-    demosaic: Annotated[
-        Demosaic,
-        typer.Option(
-            help="Pixels of raw frames. superpixel: one of each 2 × 2 photosites, every value "
-            "measured. bilinear: one of each photosite, two thirds of the values interpolated."
-        ),
-    ] = Demosaic.SUPERPIXEL,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Dask scheduler, tcp://HOST:PORT, whose workers decode and separate the pitches; "
-            "they see sessions and results under the same paths.",
-        ),
-    ] = None,
-    profile: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="A dark, noise, leak or board profile; may be given several times. Those that the "
-            "session's plan names are used anyway."
-        ),
-    ] = None,
-    drift_correction: Annotated[
-        bool,
-        typer.Option(
-            "--drift-correction/--no-drift-correction",
-            help="Take smooth drift of lamp and camera between the references off the frames.",
-        ),
-    ] = True,
+    folders: Sessions,
+    out: Out,
+    method: Method = None,
+    components: Number = None,
+    iterations: Iterations = 10,
+    smoothing_px: Smoothing = None,
+    leak: Leak = 0.0,
+    demosaic: Pixels = Demosaic.SUPERPIXEL,
+    scheduler: Scheduler = None,
+    profile: ProfileFiles = None,
+    drift_correction: DriftCorrection = True,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -130,21 +139,24 @@ def process_command(
             result = _process(session, result_folder, options, progress, cluster, profile or ())
             with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
                 report = write_report(result, progress)
-            done.append(
-                {
-                    "session": str(folder),
-                    "result": str(result_folder),
-                    "components": list(result.record.components),
-                    "warnings": list(result.record.warnings),
-                    "cautions": [one.model_dump() for one in result.record.cautions],
-                    "report": str(report),
-                }
-            )
+            done.append(_summary(folder, result, report))
             if not as_json:
                 typer.echo(f"components: {', '.join(result.record.components)}")
                 typer.echo(f"report: {report}")
     if as_json:
         typer.echo(json.dumps(done, indent=1))
+
+
+def _summary(folder: Path, result: Result, report: Path) -> dict[str, object]:
+    """A processed session, for programs."""
+    return {
+        "session": str(folder),
+        "result": str(result.folder),
+        "components": list(result.record.components),
+        "warnings": list(result.record.warnings),
+        "cautions": [one.model_dump() for one in result.record.cautions],
+        "report": str(report),
+    }
 
 
 def _jobs(folders: list[Path], out: Path) -> list[tuple[Path, Path]]:
