@@ -22,9 +22,10 @@ from acquire.session import Transfer
 from benchmarks.raw_decoding import compressed, photograph, unpack
 from drivers.protocols import CameraSettings
 from drivers.sim.dng import MEDIA_TYPE, encode_dng
+from processing.kind import Kind
 from processing.parts import Parts
 from processing.sample_noise import SampleNoise
-from processing.showing import Kind, judge
+from processing.showing import judge
 
 ROUNDS = 9
 FRAME_S = 1.2
@@ -58,6 +59,9 @@ def pitch() -> Kind:
         partitions=tuple(Parts.grid(places, (GRID_SIDE, GRID_SIDE), one) for one in grids),
         white=np.ones(GRID_SIDE**2),
         noise=SampleNoise(1e-4),
+        slopes=np.zeros((4, GRID_SIDE**2)),
+        replaced=np.full_like(frames, np.nan),
+        is_fine=True,
         repeated=np.zeros(len(frames), bool),
     )
 

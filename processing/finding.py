@@ -39,6 +39,8 @@ class Judgement:
         Mean square of what the prediction leaves, in parts of the contrast, noise taken off.
     gain
         Lamp and exposure relative to white and black, or to the typical frame of the kind.
+    mixed
+        Part of the picture before that is in the frame; NaN where it cannot be told.
     """
 
     finding: Finding
@@ -46,6 +48,7 @@ class Judgement:
     level: float
     residual: float
     gain: float
+    mixed: float = float("nan")
 
     @property
     def is_wrong(self) -> bool:

@@ -20,10 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.parts import Parts
-from processing.prediction import Array, Predictions
+from processing.prediction import Array, Predictions, contrast_of
 
-# Excess, in parts of the contrast, that movement, drift and flicker leave at most in a right frame.
-TOLERATED = 0.12
+# Excess, in parts of the contrast, that movement, drift and flicker leave in a right frame: twice
+# the most that was seen in 201 pitches of simulated benches with all of them.
+TOLERATED = 0.02
+# Part of the light by which a pattern and its complement miss white on a good bench.
+ADDITIVE_WITHIN = 0.02
+# Part by which a piece of the scene may move otherwise than the whole.
+MOVED_OTHERWISE = 0.5
 # And in one that is predicted by phases, which know the footprints of pixels only roughly.
 INEXACT_AT = 0.5
 # A place counts where its prediction leaves less of the local contrast than this; a part, where
@@ -35,6 +40,10 @@ CERTAIN = 7.0
 # A part whose share is less certain is not judged.
 LEAST_CERTAIN = 0.15
 FEWEST_PLACES = 8
+# Part of the largest excess that a part has at least for the frame to be wrong there.
+CORE = 0.1
+# Of two patterns the codes differ by more: a part whose excess may be such is not judged.
+TELLS_NOTHING = 1.5
 FEWEST_FRAMES = 6
 _MAD = 1.4826
 
@@ -84,11 +93,14 @@ def mismatch(
     partitions
         Ways to cut the picture; the first is the whole, the second says what is local.
     """
-    n_frames, n = predicted.residuals.shape
-    places = np.zeros((n_frames, n), bool)
+    n_frames = len(predicted.residuals)
+    found: list[NDArray[np.bool_]] = []
     can_tell = np.zeros(n_frames, bool)
     power = np.diag(covariance)
-    contrasts = [_contrast(predicted, power, trusted, parts) for parts in partitions]
+    contrasts = [
+        contrast_of(predicted.deviations, covariance, trusted, predicted.noise, parts)
+        for parts in partitions
+    ]
     local = contrasts[min(1, len(partitions) - 1)][partitions[min(1, len(partitions) - 1)].labels]
     certain = predicted.unexplained < DETERMINED_AT * np.outer(power, local)
     share = np.zeros(n_frames)
@@ -97,23 +109,33 @@ def mismatch(
         shares, deviations, usable = _shares(predicted, certain, scale, parts)
         if number > 0:
             usable &= exact[:, np.newaxis]
-        bound = _bounds(shares, deviations, usable, trusted)
+        inexact = ADDITIVE_WITHIN**2 * parts.means(predicted.mean**2)
+        inexact = inexact + MOVED_OTHERWISE**2 * parts.means(predicted.moved**2)
+        tolerated = TOLERATED + inexact / scale
+        bound = _bounds(shares, tolerated + CERTAIN * deviations, usable, trusted)
         bound[~exact] = np.maximum(bound[~exact], INEXACT_AT)
-        places |= (usable & (shares > bound))[:, parts.labels]
+        usable &= bound < TELLS_NOTHING
+        wrong = usable & (shares > bound)
+        excess = np.where(wrong, shares * scale, 0)
+        # What is wrong elsewhere shines through everywhere: in the gain, in what is moved.
+        wrong &= excess >= CORE * excess.max(axis=1, keepdims=True)
+        found.append(wrong[:, parts.labels])
         can_tell |= usable.any(axis=1)
         if number == 0:
             share = shares[:, 0]
-    return Mismatch(share, places & certain, can_tell, local)
+    return Mismatch(share, _where(found) & certain, can_tell, local)
 
 
-def _contrast(
-    predicted: Predictions, power: Array, trusted: NDArray[np.bool_], parts: Parts
-) -> Array:
-    """(parts,): median over the frames of the mean square deviation, noise taken off."""
-    chosen = trusted if trusted.any() else np.ones_like(trusted)
-    squares = parts.means(predicted.deviations[chosen] ** 2) - parts.means(predicted.noise)
-    contrast: Array = np.median(squares / power[chosen, np.newaxis], axis=0)
-    return np.maximum(contrast, 0)
+def _where(found: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """The places in question, (frames, n): as closely as the ways to cut the picture tell."""
+    whole = found[0].copy()
+    for finer in found[1:]:
+        closer = whole & finer
+        told = closer.any(axis=1)
+        whole[told] = closer[told]
+        untold = ~whole.any(axis=1)
+        whole[untold] = finer[untold]
+    return whole
 
 
 def _shares(
@@ -141,10 +163,10 @@ def _looked_at(predicted: Predictions, parts: Parts) -> Array:
 
 
 def _bounds(
-    shares: Array, deviations: Array, usable: NDArray[np.bool_], trusted: NDArray[np.bool_]
+    shares: Array, least: Array, usable: NDArray[np.bool_], trusted: NDArray[np.bool_]
 ) -> Array:
-    """(frames, parts): the excess up to which a frame counts as right."""
-    bounds = TOLERATED + CERTAIN * deviations
+    """(frames, parts): the excess up to which a frame counts as right, some at least."""
+    bounds = least.copy()
     known = np.where(usable & trusted[:, np.newaxis], shares, np.nan)
     enough = np.isfinite(known).sum(axis=0) >= FEWEST_FRAMES
     if enough.any():

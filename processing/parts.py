@@ -32,6 +32,11 @@ class Parts:
         labels = down * counts[1] + right
         return cls(np.unique(labels, return_inverse=True)[1].astype(np.int64))
 
+    @classmethod
+    def whole(cls, n: int) -> Parts:
+        """All of n places as one part."""
+        return cls(np.zeros(n, np.int64))
+
     @property
     def sizes(self) -> NDArray[np.int64]:
         """Places of each part, (parts,)."""

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.gains import GAIN_BOUNDS, joint_gains, pair_gains, whole_light
+from processing.parts import Parts
 from processing.patterns import Family, Pattern
 from processing.sample_noise import FEWEST_PAIRS, SampleNoise
 
@@ -30,11 +32,9 @@ Samples = NDArray[np.float32]
 
 # Noise over contrast that is assumed at least: keeps the covariance of complements invertible.
 LEAST_NUGGET = 1e-3
-# A lamp does not change by more from one frame to the next of a pitch.
-GAIN_BOUNDS = 0.6, 1.6
 COMPLEMENT = -0.999
-_GAIN_ROUNDS = 3
-_FEWEST_LIT = 0.05
+# A linear prediction that holds less of the contrast is not exact.
+EXACT_FROM = 0.97
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,9 @@ class Predictions:
     deviations
         float64, (frames, n): frames in the light of the mean, less m.
     residuals
-        float64, (frames, n): deviations less what the trusted others predict.
+        float64, (frames, n): deviations less what the trusted others predict and what is moved.
+    moved
+        float64, (frames, n): what a movement of the scene explains of them.
     weights
         float64, (frames, frames): row k predicts frame k; 0 where a frame is not trusted.
     explained
@@ -68,6 +70,7 @@ class Predictions:
     mean: Array
     deviations: Array
     residuals: Array
+    moved: Array
     weights: Array
     explained: Array
     unexplained: Array
@@ -135,6 +138,7 @@ def predict(
     trusted: NDArray[np.bool_],
     noise: SampleNoise,
     anchor: Array | None,
+    slopes: Array,
 ) -> Predictions:
     """Predict every frame from the trusted others.
 
@@ -150,29 +154,39 @@ def predict(
         Of a sample.
     anchor
         (n,), half of white less black; three or more complementary pairs give a better mean.
+    slopes
+        (4, n), as for `movements`.
     """
     if covariance.shape != (len(frames), len(frames)) or trusted.shape != (len(frames),):
         raise ValueError(f"{len(frames)} frames, but R {covariance.shape}, trust {trusted.shape}")
     values = frames.astype(np.float64)
     middle = _middle(values, covariance, trusted, anchor)
     variance = noise.at(middle)
-    contrast = _contrast(values - middle, covariance, trusted, float(variance.mean()))
+    whole = Parts.whole(len(middle))
+    contrast = float(contrast_of(values - middle, covariance, trusted, variance, whole)[0])
     nugget = max(float(variance.mean()) / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
     weights, explained = _weights(covariance, trusted, nugget)
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
     # The mean of frames of unequal light knows less of it than white.
-    gains = _gains(values, middle if anchor is None else anchor, weights, pairs)
+    due = middle if anchor is None else anchor
+    singles = whole_light(values, due)
+    if not pairs and explained.min() >= EXACT_FROM:
+        singles = joint_gains(values, due, weights, trusted, singles)
+    gains = pair_gains(values, due, pairs, singles)
     if anchor is None and trusted.any():
         gains = gains / np.median(gains[trusted])
     values /= gains[:, np.newaxis]
     middle = _middle(values, covariance, trusted, anchor)
     deviations = values - middle
-    contrast = _contrast(deviations, covariance, trusted, float(variance.mean()))
+    contrast = float(contrast_of(deviations, covariance, trusted, variance, whole)[0])
+    residuals = deviations - weights @ deviations
+    moved = movements(residuals, slopes)
     left = contrast * np.diag(covariance) * (1 - explained)
     return Predictions(
         mean=middle,
         deviations=deviations,
-        residuals=deviations - weights @ deviations,
+        residuals=residuals - moved,
+        moved=moved,
         weights=weights,
         explained=explained,
         unexplained=np.repeat(left[:, np.newaxis], values.shape[1], axis=1),
@@ -181,6 +195,25 @@ def predict(
         noise_gain=_noise_gain(weights, len(pairs), anchor is not None),
         contrast=contrast,
     )
+
+
+def movements(residuals: Array, slopes: Array) -> Array:
+    """What a movement of the scene explains of residuals, (…, n).
+
+    A picture f that moved by a part δ of a pixel is (1 − δ) f + δ f' with its neighbour f', and one
+    that lost focus is like it. The sum of a pattern and its complement, and what a prediction
+    leaves, differ as the mean picture does.
+
+    Parameters
+    ----------
+    residuals
+        (…, n).
+    slopes
+        (4, n): the mean picture above, below, left and right of a place, less that at it.
+    """
+    shifts = residuals @ slopes.T @ np.linalg.pinv(slopes @ slopes.T, hermitian=True)
+    moved: Array = shifts @ slopes
+    return moved
 
 
 def weights_for(
@@ -239,13 +272,37 @@ def _middle(
     return total
 
 
-def _contrast(
-    deviations: Array, covariance: Array, trusted: NDArray[np.bool_], noise: float
-) -> float:
-    if not trusted.any():
-        return 0.0
-    power = np.mean(deviations[trusted] ** 2, axis=1) - noise
-    return max(float(np.median(power / np.diag(covariance)[trusted])), 0.0)
+def contrast_of(
+    deviations: Array, covariance: Array, trusted: NDArray[np.bool_], noise: Array, parts: Parts
+) -> Array:
+    """Mean square deviation of a pattern with |2c − 1| = 1, noise taken off, of each part; ≥ 0.
+
+    From what the frames differ from each other by: an error of the mean, that all share, is no
+    contrast. With P = 1 − 1/N the deviations Pe have the mean squares C (P R P)_kk + v (1 − 1/N).
+
+    Parameters
+    ----------
+    deviations
+        (frames, n).
+    covariance
+        (frames, frames), R.
+    trusted
+        bool, (frames,): of these, the median counts.
+    noise
+        (n,), variance of a frame.
+    """
+    chosen = trusted if trusted.any() else np.ones_like(trusted)
+    number = int(chosen.sum())
+    own, among = deviations[chosen], covariance[np.ix_(chosen, chosen)]
+    if number > 1:
+        own = own - own.mean(axis=0)
+        centred = np.eye(number) - 1 / number
+        among = centred @ among @ centred
+    left = 1 - 1 / number if number > 1 else 1.0
+    squares = parts.means(own**2) - left * parts.means(noise)
+    power = np.maximum(np.diag(among), 1e-3 * np.diag(covariance)[chosen])
+    contrast: Array = np.median(squares / power[:, np.newaxis], axis=0)
+    return np.maximum(contrast, 0)
 
 
 def _weights(covariance: Array, trusted: NDArray[np.bool_], nugget: float) -> tuple[Array, Array]:
@@ -268,31 +325,3 @@ def _noise_gain(weights: Array, n_pairs: int, is_anchored: bool) -> Array:
     mean = np.pi / (4 * n_pairs) if n_pairs >= FEWEST_PAIRS else few
     gain: Array = 1 + np.sum(weights**2, axis=1) + (1 - weights.sum(axis=1)) ** 2 * mean
     return gain
-
-
-def _gains(values: Array, mean: Array, weights: Array, pairs: list[tuple[int, int]]) -> Array:
-    """Light of each frame against the mean, (frames,): medians over places that it lights.
-
-    Where a frame is the brighter one of a pair, f_k/g_k = 2m − f_k'/g_k'. The median stands frames
-    that are wrong at less than half of these places. Beside pairs, single frames have their usual
-    light: predictions that are not exact are no measure of it.
-    """
-    gains = np.ones(len(values))
-    members = [k for pair in pairs for k in pair]
-    for _ in range(_GAIN_ROUNDS):
-        for first, second in pairs:
-            for k, other in ((first, second), (second, first)):
-                lit = values[k] > values[other]
-                due = 2 * mean - values[other] / gains[other]
-                gains[k] = _ratio(values[k], due, lit & (due > mean))
-        usual = float(np.median(gains[members])) if members else None
-        for k in sorted(set(range(len(values))) - set(members)):
-            due = mean + weights[k] @ (values / gains[:, np.newaxis] - mean)
-            gains[k] = _ratio(values[k], due, due > mean) if usual is None else usual
-    return gains
-
-
-def _ratio(light: Array, due: Array, chosen: NDArray[np.bool_]) -> float:
-    if chosen.sum() < _FEWEST_LIT * len(light):
-        return 1.0
-    return float(np.clip(np.median(light[chosen] / due[chosen]), *GAIN_BOUNDS))

@@ -15,30 +15,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.finding import Finding, Judgement
+from processing.gains import fitted_gain
+from processing.kind import DARK_AT, Kind
+from processing.likeness import Before, changes, distance
 from processing.mismatch import mismatch
-from processing.parts import Parts
-from processing.phases import Phases
+from processing.mixture import mixture
 from processing.prediction import (
-    GAIN_BOUNDS,
+    EXACT_FROM,
     Array,
     Predictions,
-    Samples,
     complements,
+    movements,
     predict,
 )
-from processing.sample_noise import SampleNoise, noise_of_pairs
-from processing.suspicion import AMBIGUOUS, Shown, Suspicion, suspicion
+from processing.sample_noise import noise_of_pairs
+from processing.suspicion import AMBIGUOUS, Shown, Suspect, Suspicion, suspicion
 
-# Level of a frame relative to the mean of white and black below which it shows no light, and that
-# its prediction has at least if it should show some.
-DARK_AT = 0.1
+# Level relative to the mean of white and black that a prediction has at least if its frame should
+# show some light.
 DUE_AT_LEAST = 0.3
 # Change from the picture before, in parts of what such changes are at the least changing fifth of
 # the frames, below which the frame shows that picture; asked only where predictions say nothing.
 SAME_AT = 0.15
 TYPICAL_PERCENTILE = 20
-# A linear prediction that holds less of the contrast is not exact.
-EXACT_FROM = 0.97
+# Of fewer changes from pictures of the same pitch nothing is typical; their patterns tell it.
+FEWEST_CHANGES = 5
 # A prediction that holds less of the contrast says nothing about a frame.
 LEAST_EXPLAINED = 0.3
 # One that holds more acquits.
@@ -47,50 +48,13 @@ CLEAR_FROM = 0.7
 WHOLE_AT = 0.6
 # Frames without any noise are computed ones, in which equal files prove nothing.
 COMPUTED_NOISE = 1e-9
+# Difference of two exposures of one pattern, in parts of the contrast, that show the same.
+ALIKE_AT = 0.1
+
+# Frames without complements, of which any two predict the third.
+NO_MORE_THAN_IT_TAKES = 3
 
 _UNSPECIFIC = {Finding.OTHER, Finding.PARTIAL}
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """Frames of one family and pitch, as samples of n places.
-
-    Parameters
-    ----------
-    frames
-        float32, (frames, n), linear light, that of black taken off where it was captured.
-    before
-        float32, (frames, n): the picture that was taken before each of them; NaN where none was
-        or where it was wrong.
-    before_index
-        int, (frames,): which of `frames` has the pattern that was shown before; −1 where none
-        has.
-    covariance
-        (frames, frames), of the codes (see `processing.prediction`).
-    phases
-        Codes over the period.
-    change
-        (frames,): mean square of 2(c − c') with c' the code of the picture before.
-    partitions
-        The whole picture, blocks of it, and strips across it, which pictures are drawn in.
-    white
-        (n,), white less black; None where they were not captured.
-    noise
-        Of a sample, for kinds without three complementary pairs.
-    repeated
-        bool, (frames,): the file is that of the exposure before, byte for byte.
-    """
-
-    frames: Samples
-    before: Samples
-    before_index: NDArray[np.int64]
-    covariance: Array
-    phases: Phases
-    change: Array
-    partitions: tuple[Parts, ...]
-    white: Array | None
-    noise: SampleNoise
-    repeated: NDArray[np.bool_]
 
 
 def judge(kind: Kind) -> tuple[Judgement, ...]:
@@ -100,9 +64,23 @@ def judge(kind: Kind) -> tuple[Judgement, ...]:
     stand accused, the likelier one first.
     """
     court = _Court(kind)
-    while court.accuse():
+    while court.accuse() or court.accuse_mixed():
         pass
     return court.judgements()
+
+
+@dataclass(frozen=True, slots=True)
+class _Alone:
+    """What the trusted others without its complement say of a frame, (n,) each.
+
+    `deviations` are the frame's own, in the light that suits `expected` best; `left` is the
+    variance about it, infinite where nobody looked.
+    """
+
+    expected: Array
+    left: Array
+    deviations: Array
+    gain: float
 
 
 class _Court:
@@ -113,41 +91,74 @@ class _Court:
         self.noise = noise_of_pairs(kind.frames, pairs) or kind.noise
         computed = self.noise.read <= COMPUTED_NOISE and self.noise.shot <= COMPUTED_NOISE
         self.repeated = kind.repeated & (not computed)
-        self.trusted = ~self.repeated
-        self.accused: dict[int, Finding] = {}
+        dark = kind.dark
+        self.trusted = ~self.repeated & ~dark
+        self.accused: dict[int, Finding] = {
+            int(k): Finding.BLANK for k in np.flatnonzero(dark & ~self.repeated)
+        }
+        self.mixed: set[int] = set()
         self._hear()
 
     def _hear(self) -> None:
         kind = self.kind
         anchor = None if kind.white is None else kind.white / 2
-        linear = predict(kind.frames, kind.covariance, self.trusted, self.noise, anchor)
+        linear = predict(
+            kind.frames, kind.covariance, self.trusted, self.noise, anchor, kind.slopes
+        )
         self.exact = linear.explained >= EXACT_FROM
+        self.linear = linear
+        self.by_others: dict[int, _Alone] = {}
         self.predicted = self._by_phases(linear)
         self.seen = mismatch(
             self.predicted, kind.covariance, self.trusted, self.exact, kind.partitions
         )
-        self.changes = _changes(kind, self.predicted, self.trusted)
+        self.changes = changes(
+            self.predicted,
+            self.trusted,
+            Before(kind.frames, kind.before, kind.before_index, kind.covariance, kind.change),
+        )
+        self.confirmed = self._confirmed()
+        before = [self._before(k) for k in range(len(kind.frames))]
+        self.mixture = mixture(self.predicted, before, kind.slopes)
         self.found = [self._finding(k) for k in range(len(kind.frames))]
+
+    def _alone(self, k: int) -> _Alone:
+        """What the others say of frame k, reckoned once between two accusations."""
+        if k not in self.by_others:
+            others = self.trusted.copy()
+            others[[k, self.partner.get(k, k)]] = False
+            linear = self.linear
+            expected, left = self.kind.phases.predicted(linear.deviations, linear.noise, others, k)
+            light = linear.mean + linear.deviations[k]
+            gain = fitted_gain(light, linear.mean + expected, left + linear.noise)
+            self.by_others[k] = _Alone(expected, left, light / gain - linear.mean, gain)
+        return self.by_others[k]
 
     def _by_phases(self, linear: Predictions) -> Predictions:
         """The predictions, by phases where the others do not predict a frame exactly."""
-        residuals, unexplained = linear.residuals.copy(), linear.unexplained.copy()
+        deviations, residuals = linear.deviations.copy(), linear.residuals.copy()
+        unexplained, gains = linear.unexplained.copy(), linear.gains.copy()
         explained, noise_gain = linear.explained.copy(), linear.noise_gain.copy()
-        for k in np.flatnonzero(~self.exact):
-            believed = self.trusted.copy()
-            believed[k] = False
-            expected, left = self.kind.phases.predicted(
-                linear.deviations, linear.noise, believed, int(k)
-            )
-            residuals[k] = linear.deviations[k] - expected
-            unexplained[k] = left
+        moved = linear.moved.copy()
+        for k in map(int, np.flatnonzero(~self.exact)):
+            alone = self._alone(k)
+            looked_at = np.isfinite(alone.left)
+            deviations[k], unexplained[k] = alone.deviations, alone.left
+            gains[k] *= alone.gain
+            residuals[k] = alone.deviations - alone.expected
+            moved[k] = 0
+            moved[k, looked_at] = movements(residuals[k, looked_at], self.kind.slopes[:, looked_at])
+            residuals[k] -= moved[k]
             power = linear.contrast * float(self.kind.covariance[k, k])
-            known = left[np.isfinite(left)] / max(power, 1e-30)
+            known = alone.left[looked_at] / max(power, 1e-30)
             explained[k] = 1 - float(np.mean(np.minimum(known, 1))) if known.size else 0.0
             noise_gain[k] = 1
         return replace(
             linear,
+            deviations=deviations,
             residuals=residuals,
+            moved=moved,
+            gains=gains,
             unexplained=unexplained,
             explained=explained,
             noise_gain=noise_gain,
@@ -167,13 +178,34 @@ class _Court:
         suspects = [k for k in suspects if self.exact[k] or cases[k].evidence > 0]
         if not suspects:
             return False
+        # What looks the same when it is taken again is no mishap of one exposure.
+        suspects = [k for k in suspects if not self.confirmed[k]] or suspects
         first = max(suspects, key=lambda k: cases[k].evidence)
         self.trusted[first] = False
         self.accused[first] = self._named(first, cases[first])
         other = self.partner.get(first, first)
-        if other != first and other in cases and not _tells(cases[first], cases[other]):
+        told = self.confirmed[other] and not self.confirmed[first]
+        if other in cases and not told and not _tells(cases[first], cases[other]):
+            beyond = self.mixture.excess(self.trusted)
+            told = max(beyond[first], beyond[other]) > 0
+            if told and beyond[other] > beyond[first]:
+                first, other = other, first
+        if other in set(cases) - {first} and not (told or _tells(cases[first], cases[other])):
             self.trusted[other] = False
             self.accused[other] = Finding.DOUBTFUL
+        self._hear()
+        return True
+
+    def accuse_mixed(self) -> bool:
+        """Trust the frame no longer that has most of the picture before; False where none has."""
+        beyond = self.mixture.excess(self.trusted)
+        can_tell = self.seen.can_tell & (self.predicted.explained > LEAST_EXPLAINED)
+        beyond[~(self.trusted & can_tell)] = -np.inf
+        worst = int(np.argmax(beyond))
+        if beyond[worst] <= 0:
+            return False
+        self.trusted[worst] = False
+        self.mixed.add(worst)
         self._hear()
         return True
 
@@ -187,10 +219,13 @@ class _Court:
             clear = self.predicted.explained[k] > CLEAR_FROM
             if found[k] is not Finding.OWN or not clear:
                 found[k] = finding
+        for k in self.mixed:
+            found[k] = Finding.PARTIAL
         for k in self.accused:
             # It may be its complement that is wrong, and nothing speaks for that one.
             other = self.partner.get(k, k)
-            if found[k] in _UNSPECIFIC and found[other] is Finding.UNSEEN:
+            unheard = found[other] is Finding.UNSEEN and not self.confirmed[other]
+            if found[k] in _UNSPECIFIC and unheard:
                 found[other] = Finding.DOUBTFUL
         for again in map(int, np.flatnonzero(self.repeated)):
             found[again] = Finding.PREVIOUS
@@ -204,16 +239,34 @@ class _Court:
             level=self._levels(k)[0],
             residual=float(self.seen.share[k]),
             gain=float(self.predicted.gains[k]),
+            mixed=float(self.mixture.share[k]),
         )
+
+    def _before(self, k: int) -> Array | None:
+        """The picture before frame k, in its light; None where nothing exact predicts the frame."""
+        if not self.exact[k]:
+            return None
+        j = int(self.kind.before_index[k])
+        if j >= 0:
+            return self.predicted.mean + self.predicted.expected(j)
+        before = self.kind.before[k] / self.predicted.gains[k]
+        return None if np.isnan(before).any() else before
+
+    def _confirmed(self) -> NDArray[np.bool_]:
+        """Whether a frame shows what the exposure showed that it replaces, (frames,)."""
+        left = distance(self.kind.frames, self.kind.replaced) - 2 * self.predicted.noise.mean()
+        bound = ALIKE_AT * self.predicted.contrast * np.diag(self.kind.covariance)
+        return np.asarray(left < bound, bool)
 
     def _finding(self, k: int) -> Finding:
         level, due = self._levels(k)
         if level < DARK_AT and due > DUE_AT_LEAST:
             return Finding.BLANK
         can_tell = bool(self.seen.can_tell[k])
-        if not (self.exact[k] and can_tell):
-            usual = self.changes[np.isfinite(self.changes)]
-            typical = float(np.percentile(usual, TYPICAL_PERCENTILE)) if usual.size else np.nan
+        if not can_tell or self.predicted.explained[k] < CLEAR_FROM:
+            usual = self.changes[np.isfinite(self.changes) & (self.kind.before_index >= 0)]
+            known = usual.size >= FEWEST_CHANGES
+            typical = float(np.percentile(usual, TYPICAL_PERCENTILE)) if known else 1.0
             if self.changes[k] < SAME_AT * typical:
                 return Finding.PREVIOUS
         if self.predicted.explained[k] < LEAST_EXPLAINED or not can_tell:
@@ -229,26 +282,57 @@ class _Court:
         return float(self.kind.frames[k].sum()) / whole, 1 + float(expected.sum()) / whole
 
     def _case(self, k: int) -> Suspicion:
-        if not self.seen.places[k].any():
+        where = self.seen.places[k]
+        if not where.any():
             return Suspicion(np.inf, Shown.BEFORE, 1.0)
-        others = self.trusted.copy()
-        others[[k, self.partner.get(k, k)]] = False
-        predicted = self.predicted
-        alone = self.kind.phases.predicted(predicted.deviations, predicted.noise, others, k)
+        alone, predicted = self._alone(k), self.predicted
+        looked_at = np.isfinite(alone.left)
+        if (where & looked_at).any():
+            where = where & looked_at
         power = float(self.kind.covariance[k, k])
-        return suspicion(predicted, self.seen, power, alone, k, self._pictures(k))
+        due, unsure = predicted.mean + predicted.expected(k), np.zeros_like(alone.left)
+        other = self.partner.get(k)
+        if other is not None and self.trusted[other]:
+            due = predicted.mean - self._alone(other).deviations
+        elif not self.exact[k]:
+            unsure = alone.left
+        own, left = alone.deviations - alone.expected, alone.left
+        usual = float(np.median(predicted.gains[self.trusted]))
+        light = self.kind.frames[k] / usual
+        if other is None and self.exact[k]:
+            # All others predict it whatever the scene is, if more agree than it takes to do so.
+            own, left = predicted.residuals[k], np.zeros_like(alone.left)
+            if self.trusted.sum() <= NO_MORE_THAN_IT_TAKES:
+                own, left = light - predicted.mean, np.full_like(alone.left, np.inf)
+        suspect = Suspect(
+            noise=predicted.noise[where],
+            contrast=self.seen.contrast[where] * power,
+            deviations=(light - predicted.mean)[where],
+            own=own[where],
+            left=left[where],
+            light=light[where],
+            due=due[where],
+            open=unsure[where],
+        )
+        return suspicion(suspect, self._pictures(k, usual, where))
 
-    def _pictures(self, k: int) -> Iterator[tuple[Shown, Array]]:
-        """What frame k may show, in its light."""
+    def _pictures(
+        self, k: int, usual: float, where: NDArray[np.bool_]
+    ) -> Iterator[tuple[Shown, Array]]:
+        """What frame k may show in some places, in its light."""
         kind, predicted = self.kind, self.predicted
-        before = kind.before[k].astype(np.float64)
+        before = kind.before[k, where].astype(np.float64)
         if not np.isnan(before).any():
-            yield Shown.BEFORE, before / predicted.gains[k]
+            yield Shown.BEFORE, before / usual
+        mean = predicted.mean[where]
         j = int(kind.before_index[k])
         if j >= 0:
-            yield Shown.BEFORE, predicted.mean + predicted.expected(j)
-        yield Shown.BLACK, np.zeros_like(predicted.mean)
-        yield Shown.WHITE, 2 * predicted.mean
+            yield Shown.BEFORE, mean + predicted.expected(j)[where]
+        yield Shown.BLACK, np.zeros_like(mean)
+        yield Shown.WHITE, 2 * mean
+        for other in range(len(kind.frames)):
+            if other not in {j, k} and self.trusted[other]:
+                yield Shown.ANOTHER, mean + predicted.deviations[other, where]
 
     def _named(self, k: int, case: Suspicion) -> Finding:
         if self.found[k] in {Finding.BLANK, Finding.PREVIOUS}:
@@ -257,7 +341,7 @@ class _Court:
         whole = part > WHOLE_AT and case.mixed > WHOLE_AT
         if case.shown is Shown.BEFORE and whole:
             return Finding.PREVIOUS
-        if case.shown is Shown.ANYTHING or part > WHOLE_AT:
+        if case.shown in {Shown.ANYTHING, Shown.ANOTHER} or part > WHOLE_AT:
             return Finding.OTHER
         return Finding.PARTIAL
 
@@ -265,39 +349,3 @@ class _Court:
 def _tells(first: Suspicion, other: Suspicion) -> bool:
     """Whether the case against the first is clearly the stronger one."""
     return first.evidence - other.evidence >= AMBIGUOUS
-
-
-def _changes(kind: Kind, predicted: Predictions, trusted: NDArray[np.bool_]) -> Array:
-    """Change from the picture before in parts of the expected one; NaN where it is too small.
-
-    The picture before is the one that was taken, or the one that its pattern should have given
-    where that is known: what was taken before may have been wrong itself.
-    """
-    n_frames, n = kind.frames.shape
-    noise = float(predicted.noise.mean())
-    expected = predicted.contrast * kind.change
-    power = _distance(kind.frames, kind.before) - 2 * noise
-    pairs = complements(kind.covariance)
-    partner = dict(pairs) | {second: first for first, second in pairs}
-    for k in range(n_frames):
-        j = int(kind.before_index[k])
-        if j >= 0 and not trusted[j]:
-            power[k] = np.nan
-        other = partner.get(j, k)
-        if other != k and trusted[other]:
-            due = predicted.mean - predicted.deviations[other]
-            away = _distance(kind.frames[k : k + 1], due[np.newaxis])[0]
-            power[k] = np.fmin(power[k], away - 2 * noise)
-    # Six standard deviations of the noise's mean square.
-    visible = expected > 6 * 2 * noise * np.sqrt(2 / n) / SAME_AT
-    changes: Array = np.where(visible, power / np.maximum(expected, 1e-30), np.nan)
-    return changes
-
-
-def _distance(frames: NDArray[np.floating], others: NDArray[np.floating]) -> Array:
-    """Mean square difference of pictures, the others in the light that suits best."""
-    first, second = frames.astype(np.float64), others.astype(np.float64)
-    scale = np.sum(first * second, axis=1) / np.maximum(np.sum(second**2, axis=1), 1e-30)
-    first -= np.clip(scale, *GAIN_BOUNDS)[:, np.newaxis] * second
-    power: Array = np.mean(first**2, axis=1)
-    return power

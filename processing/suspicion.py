@@ -5,10 +5,12 @@ two explanations of what it shows in the places in question are compared by thei
 normal and place by place:
 
 - it is right: e ~ N(a, v + u + εC), with the prediction a from all trusted frames but its
-  complement, which leaves the variance u of the local contrast C (`processing.phases`);
-- it shows the picture X, or a mixture of it with its own: r ~ N(s (X − own), 2 v + εC), with
-  own predicted from all others and s in [0, 1] fitted; X is the picture before, black or white; or
-  anything: e ~ N(0, v + 2 C).
+  complement, which leaves the variance u of the local contrast C (`processing.phases`), and in the
+  lamp's light that suits this best;
+- it shows the picture X, or a mixture of it with its own: f − own ~ N(s (X − own), 2 v + w + εC),
+  with its own picture as its complement, or all others, let expect it, w what they leave open, and
+  s in [0, 1] fitted; or all of it, f ~ N(X, 2 v + εC); X is the picture before, black, white or,
+  then whole, that of another pattern; or anything: e ~ N(0, v + 2 C).
 
 The frame whose being wrong explains most is it. Of a pair alone, without other frames that say
 anything, the mixture still tells: the complement of a wrong frame lies on the other side of its
@@ -23,13 +25,13 @@ from enum import StrEnum
 
 import numpy as np
 
-from processing.mismatch import Mismatch
-from processing.prediction import Array, Predictions
+from processing.gains import fitted_gain
+from processing.prediction import Array
 
 # Part of the contrast by which pictures of the same pattern differ at least: movement, drift.
 MODEL_ERROR = 0.02
-# Logarithm of the prior of anything, against the known mishaps, a place.
-ANYTHING = -0.5
+# Logarithm of the prior of anything, and of another pattern, against the known mishaps, a place.
+ANYTHING, ANOTHER = -0.5, -0.2
 LEAST_MIXED = 0.15
 # Difference of two suspects' evidence, a place, below which it is not said which one is wrong.
 AMBIGUOUS = 0.1
@@ -41,6 +43,7 @@ class Shown(StrEnum):
     BEFORE = "before"
     BLACK = "black"
     WHITE = "white"
+    ANOTHER = "another"
     ANYTHING = "anything"
 
 
@@ -63,47 +66,75 @@ class Suspicion:
     mixed: float
 
 
-def suspicion(
-    predicted: Predictions,
-    seen: Mismatch,
-    power: float,
-    alone: tuple[Array, Array],
-    k: int,
-    pictures: Iterator[tuple[Shown, Array]],
-) -> Suspicion:
-    """The case against frame k.
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A frame at the places in question, (n,) each.
 
     Parameters
     ----------
-    predicted, seen
-        Of all frames.
-    power
-        Mean square of 2c − 1 of its pattern.
-    alone
-        What the trusted others without its complement let expect of it, and the variance, (n,).
+    noise
+        Variance of a frame.
+    contrast
+        C, local, of its pattern.
+    deviations
+        e, in its usual light.
+    own, left
+        e − a, in the light that suits a best, and the variance u.
+    light
+        Of the frame, less black, in its usual light.
+    due, open
+        Its own picture if it is wrong, less black, and the variance that this leaves.
+    """
+
+    noise: Array
+    contrast: Array
+    deviations: Array
+    own: Array
+    left: Array
+    light: Array
+    due: Array
+    open: Array
+
+
+def suspicion(suspect: Suspect, pictures: Iterator[tuple[Shown, Array]]) -> Suspicion:
+    """The case against a frame.
+
+    Parameters
+    ----------
+    suspect
+        The frame.
     pictures
         What it may show, less black, (n,) each.
     """
-    where = seen.places[k] & np.isfinite(alone[1])
-    if not where.any():
-        where = seen.places[k]
-    contrast = seen.contrast[where] * power
-    noise = predicted.noise[where]
-    own = predicted.deviations[k, where]
-    left = np.minimum(alone[1][where], contrast)
-    right = _likelihood(own - alone[0][where], noise + left + MODEL_ERROR * contrast)
-    best = Suspicion(ANYTHING + _likelihood(own, noise + 2 * contrast) - right, Shown.ANYTHING, 1.0)
-    residual = predicted.residuals[k, where]
-    expected = predicted.mean[where] + predicted.expected(k)[where]
+    noise, contrast = suspect.noise, suspect.contrast
+    model = MODEL_ERROR * contrast
+    right = _likelihood(suspect.own, noise + np.minimum(suspect.left, contrast) + model)
+    anything = _likelihood(suspect.deviations, noise + 2 * contrast)
+    best = Suspicion(ANYTHING + anything - right, Shown.ANYTHING, 1.0)
+    residual = suspect.light - suspect.due
+    variance = 2 * noise + np.minimum(suspect.open, contrast) + model
     for shown, picture in pictures:
-        way = picture[where] - expected
-        mixed = float(np.clip((residual @ way) / max(float(way @ way), 1e-30), 0, 1))
-        if mixed < LEAST_MIXED:
-            continue
-        wrong = _likelihood(residual - mixed * way, 2 * noise + MODEL_ERROR * contrast)
-        if wrong - right > best.evidence:
-            best = Suspicion(wrong - right, shown, mixed)
+        # The whole of it, whatever the frame should show.
+        gain = fitted_gain(suspect.light, picture, variance)
+        wrong = _likelihood(suspect.light - gain * picture, 2 * noise + model)
+        wrong += ANOTHER if shown is Shown.ANOTHER else 0
+        best = max(best, Suspicion(wrong - right, shown, 1.0), key=_weight)
+        way = picture - suspect.due
+        mixed = _share(residual, way / variance, way)
+        if mixed >= LEAST_MIXED and shown is not Shown.ANOTHER:
+            wrong = _likelihood(residual - mixed * way, variance)
+            best = max(best, Suspicion(wrong - right, shown, mixed), key=_weight)
     return best
+
+
+def _weight(one: Suspicion) -> float:
+    return one.evidence
+
+
+def _share(residual: Array, weighted: Array, way: Array) -> float:
+    """Part of a way that a residual goes, by weighted least squares, in [0, 1]."""
+    power = max(float(way @ weighted), 1e-30)
+    return float(np.clip((residual @ weighted) / power, 0, 1))
 
 
 def _likelihood(residual: Array, variance: Array) -> float:

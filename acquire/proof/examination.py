@@ -61,18 +61,13 @@ class Examination:
         return (*frames.proofs(), *proofs)
 
     def seen_at_once(self, number: int) -> Finding | None:
-        """What the exposure of a line shows instead of its pattern, as far as it tells by itself.
-
-        Assumed is that the camera sees at least half the height and half the width of what is
-        projected.
-        """
+        """What an exposure certainly shows instead of its pattern, by itself."""
         line = self._exposures.line(number)
         step, samples = line.record.step, line.samples
         if self._exposures.counts(line) and self._exposures.is_repeated(step):
             return Finding.PREVIOUS if window_noise(samples) > COMPUTED_NOISE else None
         pattern = self.plan.patterns[step]
-        widest = min(self._codes.projector_px)
-        if pattern.family not in FAMILIES or pattern.pitch_px * 3 > widest:
+        if pattern.family not in FAMILIES or not self._codes.is_fine(step):
             return None
         known = self._known_references(step)
         if known is None:

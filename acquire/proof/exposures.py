@@ -52,6 +52,12 @@ class Exposures:
         """The exposure that was made before that of a step, where it is kept."""
         return self._lines.get(self._current[step] - 1)
 
+    def replaced(self, step: int) -> Exposure | None:
+        """The exposure that that of a step was taken instead of, where it is kept."""
+        own = self[step].record
+        former = (line for line in self._lines.values() if line.record.step == step)
+        return next((line for line in former if line.record.attempt == own.attempt - 1), None)
+
     def counts(self, exposure: Exposure) -> bool:
         """Whether an exposure is the one of its step that counts."""
         number = self._current.get(exposure.record.step)

@@ -44,6 +44,14 @@ class Codes:
             self._phases[unit] = Phases.of([self._plan.patterns[step] for step in unit.steps])
         return self._phases[unit]
 
+    def is_fine(self, step: int) -> bool:
+        """Whether a pattern has about half of the light, wherever the camera looks.
+
+        Assumed is that it sees at least half the height and half the width of what is projected.
+        """
+        pattern = self._plan.patterns[step]
+        return pattern.pitch_px * 3 <= min(self.projector_px)
+
     def change(self, step: int, before: Pattern) -> float:
         """Mean square of 2(c − c') over a stretch of the projector."""
         pattern = self._plan.patterns[step]

@@ -13,11 +13,12 @@ from acquire.proof.records import FrameProof, figure, plain_proof, rounded
 from acquire.proof.units import Unit
 from acquire.proof.white_black import LOOKED_AT, WhiteBlack, partitions_of, window_noise
 from processing.finding import Finding, Judgement
+from processing.kind import Kind
 from processing.prediction import complements
 from processing.references import Reference, contradicted
 from processing.registration import movement
 from processing.sample_noise import SampleNoise
-from processing.showing import Kind, judge
+from processing.showing import judge
 
 FEWEST_PLACES = 50
 
@@ -101,11 +102,14 @@ class PatternFrames:
             dark = self._references.black.grid[lit]
             white = self._references.white.grid[lit].astype(np.float64) - dark
         frames = self._grids[:, lit] - dark
-        before = np.full_like(frames, np.nan)
+        before, replaced = np.full_like(frames, np.nan), np.full_like(frames, np.nan)
         index = np.full(len(frames), -1)
         change = np.ones(len(frames))
         place = {step: k for k, step in enumerate(unit.steps)}
         for k, step in enumerate(unit.steps):
+            former = exposures.replaced(step)
+            if former is not None:
+                replaced[k] = former.samples.grid[lit] - dark
             line = exposures.before(step)
             if line is not None:
                 index[k] = place.get(line.record.step, -1)
@@ -124,7 +128,21 @@ class PatternFrames:
             white=white,
             noise=SampleNoise(noise.read + noise.shot * float(dark.mean()), noise.shot),
             repeated=np.array([exposures.is_repeated(step) for step in unit.steps]),
+            slopes=self._slopes(),
+            replaced=replaced,
+            is_fine=self._codes.is_fine(unit.steps[0]),
         )
+
+    def _slopes(self) -> NDArray[np.float64]:
+        """Differences of the mean picture, (4, places), from complements or from white."""
+        members = [k for pair in self._pairs for k in pair]
+        if not members and self._references is not None:
+            slopes = (self._references.white.slopes + self._references.black.slopes) / 2
+        else:
+            chosen = members or range(len(self._unit.steps))
+            every = [self._exposures[self._unit.steps[k]].samples.slopes for k in chosen]
+            slopes = np.mean(every, axis=0, dtype=np.float64)
+        return np.asarray(slopes[:, self._lit], np.float64)
 
     def _figures(self, judgements: Sequence[Judgement]) -> list[FrameProof]:
         references, steps = self._references, self._unit.steps
@@ -145,6 +163,7 @@ class PatternFrames:
                         "light": figure(one.gain),
                         "change": figure(one.change),
                         "residual": figure(one.residual),
+                        "mixed": figure(one.mixed),
                         "additivity": None if other is None else self._additivity(k, other),
                         "moved_px": moved,
                         "unlit": unlit,

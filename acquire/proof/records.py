@@ -34,10 +34,11 @@ class FrameProof(StrictModel):
 
     `light`: lamp and exposure, against the first references or, without any, the typical frame
     of the unit. `change`: mean square change from the picture before in parts of the expected
-    one. `residual`: what its prediction leaves, in parts of its contrast. `additivity`: pattern
-    and complement against white and black, relative. `moved_px`: against the first white, down
-    and right, in camera pixels. `saturated`, `unlit`: parts of the frame's pixels. `kept`: found
-    wrong, and kept all the same because the person who captured asked for that.
+    one. `residual`: what its prediction leaves, in parts of its contrast. `mixed`: the part of the
+    picture before that is in it. `additivity`: pattern and complement against white and black,
+    relative. `moved_px`: against the first white, down and right, in camera pixels. `saturated`,
+    `unlit`: parts of the frame's pixels. `kept`: found wrong, and kept all the same because the
+    person who captured asked for that.
     """
 
     step: int = Field(ge=0, lt=MAX_STEPS)
@@ -46,6 +47,7 @@ class FrameProof(StrictModel):
     light: float | None = None
     change: float | None = None
     residual: float | None = None
+    mixed: float | None = None
     additivity: float | None = None
     moved_px: tuple[float, float] | None = None
     saturated: float = 0.0

@@ -27,6 +27,8 @@ class FrameSamples:
         float32, (rows, columns), every so many-th pixel each way, at most 128 × 128.
     saturated
         bool, (rows, columns), of the same places.
+    slopes
+        float32, (4, rows, columns): light of the pixels above, below, left and right, less its own.
     window
         float32, (height, width), the middle of the picture, at most 192 × 192 pixels, all of them.
     saturated_part
@@ -37,6 +39,7 @@ class FrameSamples:
 
     grid: NDArray[np.float32]
     saturated: NDArray[np.bool_]
+    slopes: NDArray[np.float32]
     window: NDArray[np.float32]
     saturated_part: float
     camera_time: str
@@ -53,10 +56,23 @@ def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSampl
     return FrameSamples(
         grid=image.values[places].mean(axis=2),
         saturated=image.saturated[places].copy(),
+        slopes=_slopes(image.values, step),
         window=window.mean(axis=2),
         saturated_part=float(image.saturated.mean()),
         camera_time=_camera_time(data),
     )
+
+
+def _slopes(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """What the pixels above, below, left and right have more light than every so many-th one."""
+    rows, columns = (np.arange(step // 2, size, step) for size in values.shape[:2])
+    height, width = values.shape[:2]
+    own = values[np.ix_(rows, columns)].mean(axis=2)
+    rises = []
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        beside = np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
+        rises.append(values[np.ix_(*beside)].mean(axis=2) - own)
+    return np.stack(rises)
 
 
 def _camera_time(data: bytes) -> str:
