@@ -45,6 +45,8 @@ class SimSection(StrictModel):
     flicker: float = Field(default=0.0, ge=0, le=1)
     ambient: float = Field(default=0.0, ge=0, le=10)
     move_px: float = Field(default=0.0, ge=-1000, le=1000)
+    shade: float = Field(default=0.0, ge=0, lt=1)
+    iso_turned: int | None = Field(default=None, ge=25, le=51200)
     real_time: bool = False
 
 

@@ -166,6 +166,11 @@ class ProofRecord(StrictModel):
         Pattern and complement against white and black, relative, of each judged frame.
     moved_px
         How far each is from the first white frame, in camera pixels.
+    saturated, shaded
+        Part of each one's pixels that are saturated, and part of what white lights that is dark in
+        it and in its complement.
+    verdict
+        What these figures say about the session, in sentences.
     worst
         Pictures of the worst frames.
     """
@@ -177,6 +182,9 @@ class ProofRecord(StrictModel):
     light: tuple[float | None, ...] = ()
     additivity: tuple[float | None, ...] = ()
     moved_px: tuple[float | None, ...] = ()
+    saturated: tuple[float | None, ...] = ()
+    shaded: tuple[float | None, ...] = ()
+    verdict: tuple[str, ...] = ()
     worst: tuple[PortraitRecord, ...] = ()
 
 

@@ -61,6 +61,7 @@ def pitch() -> Kind:
         noise=SampleNoise(1e-4),
         slopes=np.zeros((4, GRID_SIDE**2)),
         replaced=np.full_like(frames, np.nan),
+        void=np.zeros(len(frames), bool),
         is_fine=True,
         repeated=np.zeros(len(frames), bool),
     )

@@ -10,7 +10,8 @@ class Finding(StrEnum):
     """What a frame is found to show.
 
     ``doubtful`` frames do not agree with their complement, which looks wrong itself; ``unseen``
-    ones have a pattern too faint or too unpredictable to be told from others.
+    ones have a pattern too faint or too unpredictable to be told from others; ``exposed`` ones were
+    taken with other settings than asked.
     """
 
     OWN = "own"
@@ -19,6 +20,7 @@ class Finding(StrEnum):
     PARTIAL = "partial"
     OTHER = "other"
     DOUBTFUL = "doubtful"
+    EXPOSED = "exposed"
     UNSEEN = "unseen"
 
 

@@ -48,6 +48,8 @@ class Kind:
         (4, n): light of the mean picture above, below, left and right of a place, less its own.
     replaced
         float32, (frames, n): the exposure of the same pattern that each replaces; NaN where none.
+    void
+        bool, (frames,): taken with other settings; predicts nothing.
     is_fine
         Whether every pattern has about half of the light, because its cells are many.
     """
@@ -64,6 +66,7 @@ class Kind:
     repeated: NDArray[np.bool_]
     slopes: Array
     replaced: Samples
+    void: NDArray[np.bool_]
     is_fine: bool
 
     @property

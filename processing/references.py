@@ -165,9 +165,10 @@ def contradicted(
     sums = np.stack([frames[i].astype(np.float64) + frames[j] for i, j in pairs])
     typical = np.median(sums, axis=0)
     variance = float(2 * noise.at(typical / 2).mean())
-    # Pairs that agree with each other cannot all be wrong.
+    # Pairs that agree with each other cannot all be wrong. Where white is the brighter one, though,
+    # it is the scene that lost light: no mishap makes white brighter than it is.
     agree = sum(_differs(one, typical, variance) < WHITE_DIFFERS for one in sums)
-    both = white.astype(np.float64) + black
+    both = np.minimum(white.astype(np.float64) + black, gain * typical)
     if agree >= FEWEST_PAIRS and _differs(both, typical, variance) > WHITE_DIFFERS:
         found = {Reference.WHITE, Reference.BLACK}
     return found

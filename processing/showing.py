@@ -91,11 +91,10 @@ class _Court:
         self.noise = noise_of_pairs(kind.frames, pairs) or kind.noise
         computed = self.noise.read <= COMPUTED_NOISE and self.noise.shot <= COMPUTED_NOISE
         self.repeated = kind.repeated & (not computed)
-        dark = kind.dark
-        self.trusted = ~self.repeated & ~dark
-        self.accused: dict[int, Finding] = {
-            int(k): Finding.BLANK for k in np.flatnonzero(dark & ~self.repeated)
-        }
+        dark = kind.dark & ~self.repeated
+        self.trusted = ~self.repeated & ~dark & ~kind.void
+        self.accused = {int(k): Finding.EXPOSED for k in np.flatnonzero(kind.void)}
+        self.accused |= {int(k): Finding.BLANK for k in np.flatnonzero(dark)}
         self.mixed: set[int] = set()
         self._hear()
 

@@ -10,11 +10,12 @@ from acquire.proof.clocks import camera_clock_jumps
 from acquire.proof.examination import Examination
 from acquire.proof.portraits import keep_portraits
 from acquire.proof.prover import Prover
-from acquire.proof.recorded import examine, verdict
+from acquire.proof.recorded import examine
 from acquire.proof.records import FrameProof, read_proofs
 from acquire.proof.samples import FrameSamples, sample_frame
 from acquire.proof.summary import proof_of, proven
 from acquire.proof.units import Unit, units_of
+from acquire.proof.verdict import verdict
 
 __all__ = [
     "Examination",

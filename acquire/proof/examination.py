@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from acquire.plan import Plan
-from acquire.proof.exposures import Exposures
+from acquire.proof.exposures import Exposure, Exposures
 from acquire.proof.kinds import Codes
 from acquire.proof.pattern_frames import FEWEST_PLACES, PatternFrames
 from acquire.proof.records import FrameProof, figure, plain_proof, rounded
@@ -60,9 +60,13 @@ class Examination:
         proofs = [plain_proof(self._exposures[step], Finding.OTHER) for step in accused]
         return (*frames.proofs(), *proofs)
 
-    def seen_at_once(self, number: int) -> Finding | None:
-        """What an exposure certainly shows instead of its pattern, by itself."""
+    def seen_at_once(self, number: int) -> FrameProof | None:
+        """The exposure of a line that is certainly wrong by itself; None where it may be right."""
         line = self._exposures.line(number)
+        finding = Finding.EXPOSED if line.contradictions else self._shows_at_once(line)
+        return None if finding is None else plain_proof(line, finding)
+
+    def _shows_at_once(self, line: Exposure) -> Finding | None:
         step, samples = line.record.step, line.samples
         if self._exposures.counts(line) and self._exposures.is_repeated(step):
             return Finding.PREVIOUS if window_noise(samples) > COMPUTED_NOISE else None
@@ -132,6 +136,9 @@ class Examination:
         is_white = self.plan.patterns[step].family is Family.WHITE
         lit = both.lit(LOOKED_AT)
         samples = self._exposures[step].samples
+        # Saturated places have not all their light.
+        certain = lit & ~both.white.saturated & ~samples.saturated
+        lit = certain if certain.sum() >= FEWEST_PLACES else lit
         finding, light = later_reference(
             samples.grid[lit],
             both.white.grid[lit],
@@ -147,5 +154,6 @@ class Examination:
                 "light": figure(light) if is_white else None,
                 "moved_px": rounded(moved),
                 "unlit": figure(both.unlit),
+                "shaded": figure(both.shaded(samples.grid)) if is_white else None,
             }
         )

@@ -16,6 +16,12 @@ class Exposure:
     record: FrameRecord
     samples: FrameSamples
 
+    @property
+    def contradictions(self) -> str:
+        """Settings that the file has otherwise than asked, in words; empty where none."""
+        asked = self.record.settings
+        return "" if asked is None else ", ".join(self.samples.notes.contradictions(asked))
+
 
 class Exposures:
     """Exposures by the number of their line, and which of them counts for each step."""

@@ -21,6 +21,8 @@ from processing.sample_noise import SampleNoise
 from processing.showing import judge
 
 FEWEST_PLACES = 50
+# Findings of frames that say nothing of what their complement lights.
+DARK_THEMSELVES = {Finding.BLANK, Finding.PREVIOUS}
 
 
 class PatternFrames:
@@ -130,6 +132,7 @@ class PatternFrames:
             repeated=np.array([exposures.is_repeated(step) for step in unit.steps]),
             slopes=self._slopes(),
             replaced=replaced,
+            void=np.array([bool(exposures[step].contradictions) for step in unit.steps]),
             is_fine=self._codes.is_fine(unit.steps[0]),
         )
 
@@ -167,6 +170,7 @@ class PatternFrames:
                         "additivity": None if other is None else self._additivity(k, other),
                         "moved_px": moved,
                         "unlit": unlit,
+                        "shaded": self._shaded(k, other, judgements),
                     }
                 )
             )
@@ -179,6 +183,16 @@ class PatternFrames:
         sums = self._grids[k, lit] + self._grids[other, lit]
         whole = both.white.grid[lit] + both.black.grid[lit]
         return figure(float(np.median(sums / np.maximum(whole, 1e-9))) - 1)
+
+    def _shaded(self, k: int, other: int | None, judgements: Sequence[Judgement]) -> float | None:
+        """Part of the places that white lights and neither the frame nor its complement does."""
+        pair = [judgements[one].finding for one in (k, other) if one is not None]
+        if self._references is None or not DARK_THEMSELVES.isdisjoint(pair):
+            return None
+        if other is None:
+            return figure(self._references.shaded(self._grids.max(axis=0)))
+        sums = self._grids[k] + self._grids[other] - self._references.black.grid
+        return figure(self._references.shaded(sums))
 
     def _moved(self, step: int, other: int) -> tuple[float, float] | None:
         if self._references is None:

@@ -10,7 +10,13 @@ from typing import Self
 
 from acquire.errors import ProofError
 from acquire.proof.examination import Examination
-from acquire.proof.records import FrameProof, append_proofs, read_proofs, recover_proofs
+from acquire.proof.records import (
+    SHADED_AT,
+    FrameProof,
+    append_proofs,
+    read_proofs,
+    recover_proofs,
+)
 from acquire.proof.samples import FrameSamples, sample_frame
 from acquire.proof.units import Unit
 from acquire.session import FrameRecord, Session, Transfer
@@ -24,17 +30,20 @@ MOST_HOPELESS = 4
 # Frames whose bytes are held while they wait to be sampled, beside the next exposure.
 MOST_WAITING = 1
 _URGENCY = (
+    Finding.EXPOSED,
     Finding.BLANK,
     Finding.PREVIOUS,
     Finding.PARTIAL,
     Finding.OTHER,
     Finding.DOUBTFUL,
 )
-_SPECIFIC = {Finding.BLANK, Finding.PREVIOUS}
+_SPECIFIC = {Finding.EXPOSED, Finding.BLANK, Finding.PREVIOUS}
 _UNSPECIFIC = {Finding.OTHER, Finding.DOUBTFUL}
 _CAUSES = {
     Finding.BLANK: "the projector is off, asleep, covered or without its cable.",
     Finding.PREVIOUS: "the camera delivers one file over and over. Switch it off and on.",
+    Finding.EXPOSED: "somebody turned the camera's dial, or it is not set to M. Set it as the plan "
+    "says.",
     Finding.OTHER: "far more light falls on the scene than white gave. Is a lamp of the room on?",
 }
 
@@ -64,6 +73,7 @@ class Prover:
         self._open = set(self._examination.units)
         self._hopeless = 0
         self._is_watching = False
+        self._is_shaded = False
 
     @property
     def is_done(self) -> bool:
@@ -153,6 +163,8 @@ class Prover:
             self._settle(unit, proofs)
             return None
         chosen = min(open_, key=self._order)
+        # The report shows what was found about the exposure that no longer counts.
+        append_proofs(self._session.folder, [chosen])
         self._retakes[chosen.step] = self._retakes.get(chosen.step, 0) + 1
         again = f"taking it again ({self._retakes[chosen.step]} of {RETAKES})"
         return chosen.step, f"{self._named(chosen)} {chosen.in_words}; {again}."
@@ -170,6 +182,15 @@ class Prover:
         )
 
     def _settle(self, unit: Unit, proofs: tuple[FrameProof, ...]) -> None:
+        worst = max(proofs, key=lambda proof: proof.shaded or 0)
+        if (worst.shaded or 0) > SHADED_AT and not self._is_shaded:
+            self._is_shaded = True
+            self._warn(
+                f"{self._named(worst)}: {worst.shaded:.0%} of what white lights is dark in it and "
+                "in its complement. Look whether something stands in front of the projector or the "
+                "camera. The frames are kept.",
+                Kind.WARNING,
+            )
         append_proofs(
             self._session.folder,
             (proof.model_copy(update={"kept": proof.is_wrong}) for proof in proofs),
@@ -197,12 +218,11 @@ class Prover:
         """Stop where one exposure after the other cannot be what it should be."""
         if not self._is_watching:
             return
-        finding = self._examination.seen_at_once(number)
-        if finding is None:
+        proof = self._examination.seen_at_once(number)
+        if proof is None:
             self._hopeless = 0
             return
         self._hopeless += 1
-        proof = FrameProof(step=record.step, attempt=record.attempt, finding=finding)
         if self._hopeless < MOST_HOPELESS or self._keep_unproven:
             if record.attempt == 0:
                 text = f"{self._named(proof)} {proof.in_words}; it will be taken again."
@@ -210,8 +230,8 @@ class Prover:
             return
         raise ProofError(
             f"{_capital(self._named(proof))} {proof.in_words}, like {MOST_HOPELESS - 1} exposures "
-            f"before it: {_CAUSES[finding]} The capture stopped here so as not to go on in vain. "
-            "Every frame is kept; the same command goes on and takes the wrong ones again."
+            f"before it: {_CAUSES[proof.finding]} The capture stopped here so as not to go on in "
+            "vain. Every frame is kept; the same command goes on and takes the wrong ones again."
         )
 
     def _named(self, proof: FrameProof) -> str:

@@ -18,6 +18,8 @@ from acquire.validation import StrictModel, explain
 from processing.finding import Finding
 
 MAX_BYTES = 256 << 20
+# Part of the picture that is told to be dark where it should be lit.
+SHADED_AT = 0.01
 
 
 _WORDS = {
@@ -25,6 +27,7 @@ _WORDS = {
     Finding.PREVIOUS: "shows the picture before it",
     Finding.PARTIAL: "shows its pattern in part only",
     Finding.OTHER: "does not show what its pattern predicts",
+    Finding.EXPOSED: "was exposed otherwise than asked",
     Finding.DOUBTFUL: "does not add up to white with its complement, which looks wrong too",
 }
 
@@ -37,8 +40,10 @@ class FrameProof(StrictModel):
     one. `residual`: what its prediction leaves, in parts of its contrast. `mixed`: the part of the
     picture before that is in it. `additivity`: pattern and complement against white and black,
     relative. `moved_px`: against the first white, down and right, in camera pixels. `saturated`,
-    `unlit`: parts of the frame's pixels. `kept`: found wrong, and kept all the same because the
-    person who captured asked for that.
+    `unlit`: parts of the frame's pixels that are, or that white does not light. `shaded`: part
+    of what white lights that neither it nor its complement does. `settings`: what its file has
+    otherwise than asked. `kept`: found wrong, and kept all the same because the person who captured
+    asked for that.
     """
 
     step: int = Field(ge=0, lt=MAX_STEPS)
@@ -52,6 +57,8 @@ class FrameProof(StrictModel):
     moved_px: tuple[float, float] | None = None
     saturated: float = 0.0
     unlit: float | None = None
+    shaded: float | None = None
+    settings: str = Field(default="", max_length=200)
     camera_time: str = Field(default="", max_length=23)
     kept: bool = False
 
@@ -63,7 +70,13 @@ class FrameProof(StrictModel):
     @property
     def in_words(self) -> str:
         """What is wrong with the frame, as a predicate."""
-        return _WORDS.get(self.finding, "shows its pattern")
+        words = _WORDS.get(self.finding, "shows its pattern")
+        if self.settings:
+            words += f" ({self.settings})"
+        if (self.shaded or 0) > SHADED_AT:
+            joined = "and" if self.is_wrong else "but"
+            words += f", {joined} {self.shaded:.0%} of what should be lit is dark"
+        return words
 
 
 def figure(value: float) -> float | None:
@@ -78,12 +91,14 @@ def rounded(moved: tuple[float, float] | None) -> tuple[float, float] | None:
 
 def plain_proof(exposure: Exposure, finding: Finding) -> FrameProof:
     """The line of an exposure, without figures of comparisons."""
+    settings = exposure.contradictions
     return FrameProof(
         step=exposure.record.step,
         attempt=exposure.record.attempt,
-        finding=finding,
+        finding=Finding.EXPOSED if settings else finding,
         saturated=float(f"{exposure.samples.saturated_part:.6g}"),
-        camera_time=exposure.samples.camera_time,
+        settings=settings,
+        camera_time=exposure.samples.notes.camera_time,
     )
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
 
 from acquire.frames import decode_frame
+from acquire.proof.file_notes import FileNotes, file_notes
 from acquire.session import Transfer
 
 GRID_SIDE = 128
 WINDOW_SIDE = 192
-_DATE_TIME, _EXIF, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 306, 34665, 36867, 37521
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +31,8 @@ class FrameSamples:
         float32, (height, width), the middle of the picture, at most 192 × 192 pixels, all of them.
     saturated_part
         Part of all pixels that are saturated.
-    camera_time
-        When the camera says that it took the frame; empty where it does not say.
+    notes
+        What the file says of its exposure.
     """
 
     grid: NDArray[np.float32]
@@ -42,7 +40,7 @@ class FrameSamples:
     slopes: NDArray[np.float32]
     window: NDArray[np.float32]
     saturated_part: float
-    camera_time: str
+    notes: FileNotes
 
 
 def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSamples:
@@ -59,7 +57,7 @@ def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSampl
         slopes=_slopes(image.values, step),
         window=window.mean(axis=2),
         saturated_part=float(image.saturated.mean()),
-        camera_time=_camera_time(data),
+        notes=file_notes(data),
     )
 
 
@@ -73,23 +71,3 @@ def _slopes(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:
         beside = np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
         rises.append(values[np.ix_(*beside)].mean(axis=2) - own)
     return np.stack(rises)
-
-
-def _camera_time(data: bytes) -> str:
-    """When a TIFF-like file was exposed by its camera's clock, as far as it tells."""
-    if data[:2] not in {b"II", b"MM"}:
-        return ""
-    try:
-        with tifffile.TiffFile(io.BytesIO(data)) as file:
-            tags = {tag.code: tag.value for tag in file.pages.first.tags}
-            exif = tags.get(_EXIF)
-            if isinstance(exif, dict):
-                tags[_DATE_TIME_ORIGINAL] = exif.get("DateTimeOriginal")
-                tags[_SUB_SECONDS] = exif.get("SubsecTimeOriginal")
-            text = str(tags.get(_DATE_TIME_ORIGINAL) or tags.get(_DATE_TIME) or "")[:19]
-            part = str(tags.get(_SUB_SECONDS) or "").strip()[:3]
-    except Exception:  # noqa: BLE001 - tifffile lets out whatever its parsing trips over
-        return ""
-    if not text.isprintable():
-        return ""
-    return f"{text}.{part}" if part.isdecimal() and part.isascii() else text

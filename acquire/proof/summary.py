@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from acquire.proof.records import FrameProof, read_proofs
+from acquire.proof.verdict import verdict
 from acquire.result import PitchRecord, ProofRecord
 from acquire.session import Session
 from processing.finding import Finding
@@ -27,6 +28,10 @@ def proof_of(session: Session) -> ProofRecord | None:
             None if proof.moved_px is None else round(math.hypot(*proof.moved_px), 3)
             for proof in proofs.values()
         ),
+        saturated=tuple(proof.saturated for proof in proofs.values()),
+        shaded=tuple(proof.shaded for proof in proofs.values()),
+        # Its first sentence counts what is counted here.
+        verdict=tuple(verdict(session, tuple(proofs.values())))[1:],
     )
 
 

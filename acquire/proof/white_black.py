@@ -15,6 +15,10 @@ from processing.sample_noise import SampleNoise, noise_through
 # Parts of the bright level (99th percentile): what is darker is not lit, or not looked at.
 UNLIT = 0.01
 LOOKED_AT = 0.03
+# Part of white's light below which a place is dark, and standard deviations of noise that light
+# has at least for that to be told.
+DARK_AT = 0.2
+CERTAIN = 6.0
 BLOCKS = 4, 4
 STRIPS = 16, 1
 
@@ -36,6 +40,20 @@ class WhiteBlack:
     def unlit(self) -> float:
         """Part of the places that white does not light."""
         return 1 - float(self.lit(UNLIT).mean())
+
+    def shaded(self, light: NDArray[np.float32]) -> float:
+        """Part of the places that white lights clearly that are dark in another picture.
+
+        Parameters
+        ----------
+        light
+            float32, (rows, columns), of a picture in which the projector lit every place.
+        """
+        due = (self.white.grid - self.black.grid).astype(np.float64)
+        certain = CERTAIN * np.sqrt(2 * self.noise.at(self.white.grid))
+        looked_at = self.lit(LOOKED_AT) & (due > certain)
+        dark = looked_at & (light - self.black.grid < DARK_AT * due)
+        return float(dark.sum() / max(int(looked_at.sum()), 1))
 
     @property
     def noise(self) -> SampleNoise:

@@ -14,17 +14,26 @@ from numpy.typing import NDArray
 from acquire.report.figures import FAINT, PALETTE, RGB_LINES, STYLE, Drawing, drawn, svg
 from acquire.result import DriftRecord, ProofRecord
 
-SMALLEST_PERCENT, SMALLEST_PX = 0.5, 0.1
+SMALLEST_PERCENT, SMALLEST_PX, SMALLEST_PART_PERCENT = 0.5, 0.1, 0.1
 
 
 def run_drawing(proof: ProofRecord) -> Drawing | None:
-    """Light, additivity and movement of every frame in the order of the run; None without any."""
+    """What was measured in every frame, in the order of the run; None without any.
+
+    Light, additivity and movement; what is saturated or dark where there is anything to be seen.
+    """
     light = _percent(proof.light) - 100
     sums = _percent(proof.additivity)
     moved = _percent(proof.moved_px) / 100
     rows = [("light − first, %", light, PALETTE[0], SMALLEST_PERCENT)]
     rows += [("sum − white, %", sums, PALETTE[4], SMALLEST_PERCENT)]
     rows += [("moved, camera px", moved, PALETTE[2], SMALLEST_PX)]
+    for label, parts, colour in (
+        ("saturated, %", _percent(proof.saturated), PALETTE[1]),
+        ("dark, %", _percent(proof.shaded), PALETTE[3]),
+    ):
+        if np.max(parts, where=np.isfinite(parts), initial=0) > SMALLEST_PART_PERCENT:
+            rows.append((label, parts, colour, SMALLEST_PERCENT))
     shown = [row for row in rows if np.isfinite(row[1]).any()]
     if not shown:
         return None

@@ -38,6 +38,12 @@ class Defects:
     move_px
         Shift of the scene to the right over the run, in camera pixels, linear in the exposure's
         number.
+    shade
+        Part of the projector's picture, from the left, that something in front of it hides in the
+        second half of the run.
+    iso_turned
+        ISO speed that somebody sets at the camera in the middle of the run, ≥ 25. The files tell
+        it, the camera's answers do not.
     """
 
     gamma: float = 1.0
@@ -55,6 +61,8 @@ class Defects:
     flicker: float = 0.0
     ambient: float = 0.0
     move_px: float = 0.0
+    shade: float = 0.0
+    iso_turned: float | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -67,8 +75,11 @@ class Defects:
             self._require(name, getattr(self, name) >= 0, "at least 0")
         self._require("gamma", 0 < self.gamma <= 10, "in (0, 10]")
         self._require("black_level", 0 <= self.black_level < 1, "a fraction of white in [0, 1)")
+        self._require("shade", 0 <= self.shade < 1, "a part of the picture in [0, 1)")
         self._require("flicker", 0 <= self.flicker <= 1, "a relative amplitude in [0, 1]")
         self._require("drift", self.drift > -1, "above −1: a lamp cannot lose more than its light")
+        if self.iso_turned is not None:
+            self._require("iso_turned", 25 <= self.iso_turned <= 51200, "from 25 to 51200")
         if self.full_well_e is not None:
             self._require("full_well_e", self.full_well_e > 0, "a number of electrons above 0")
         elif self.read_noise_e:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,6 +193,8 @@ class SimulatedCamera:
 
     def _file(self, settings: CameraSettings, chance: Chance) -> bytes:
         stage = self._stage
+        if stage.defects.iso_turned is not None and stage.is_second_half:
+            settings = replace(settings, iso=round(stage.defects.iso_turned))
         counts = expose(
             stage.signal(settings, chance),
             settings.iso,

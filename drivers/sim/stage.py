@@ -128,9 +128,18 @@ class Stage:
         lamp = (1 + defects.drift * run) * flicker_gain(
             defects.flicker, chance.flicker_phase_rad, settings.exposure_s
         )
-        light = self.transport.photosites(self._emitted(settings.exposure_s, chance))
+        emitted = self._emitted(settings.exposure_s, chance)
+        if defects.shade and self.is_second_half:
+            emitted = emitted.copy()
+            emitted[:, : round(defects.shade * emitted.shape[1])] = 0
+        light = self.transport.photosites(emitted)
         moved = shifted(light, defects.move_px * run)
         return exposure_gain(settings) * (lamp * moved + defects.ambient)
+
+    @property
+    def is_second_half(self) -> bool:
+        """Whether half of the run is over."""
+        return 2 * self.index >= self._frames_in_run
 
     def emitted(self, raster: Raster) -> NDArray[np.float64]:
         """Light of the projector's pixels under a raster, fraction of white."""

@@ -26,6 +26,8 @@ from drivers.sim.defects import Defects
         ("flicker", 1.5),
         ("ambient", -0.1),
         ("move_px", math.nan),
+        ("shade", 1.0),
+        ("iso_turned", 3.0),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(name: str, value: float) -> None:

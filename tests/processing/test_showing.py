@@ -61,6 +61,7 @@ def kind(patterns: list[Pattern], pictures: list[Array]) -> Kind:
         repeated=np.zeros(len(patterns), bool),
         slopes=np.stack([one.ravel() for one in beside]),
         replaced=np.full_like(frames, np.nan),
+        void=np.zeros(len(patterns), bool),
         is_fine=True,
     )
 
