@@ -66,12 +66,8 @@ class Phases:
         ]
         return cls(np.concatenate(signs, axis=1))
 
-    def predicted(
-        self, deviations: Array, noise: Array, believed: NDArray[np.bool_], k: int
-    ) -> tuple[Array, Array]:
-        """Deviations of frame k that the believed others let expect, and their variance, (n,).
-
-        The variance is infinite at the places that were not looked at.
+    def posterior(self, deviations: Array, noise: Array, believed: NDArray[np.bool_]) -> Posterior:
+        """What some frames say of the places.
 
         Parameters
         ----------
@@ -80,28 +76,67 @@ class Phases:
         noise
             (n,): variance of a frame.
         believed
-            bool, (frames,), without k.
-        k
-            The frame.
+            bool, (frames,).
         """
         n = deviations.shape[1]
-        expected, variance = np.zeros(n), np.full(n, np.inf)
         if not believed.any() or n == 0:
-            return expected, variance
+            nothing = np.zeros((0, self.signs.shape[1]))
+            return Posterior(self, n, np.s_[:0], nothing, nothing, np.zeros(0))
         part = np.s_[:: -(-n // MOST_PLACES)]
         seen = deviations[believed, part]
         signs = self.signs[believed]
         length = np.maximum(np.sum(signs**2, axis=0), 1e-9)
         heights = np.maximum(seen.T @ signs / length, 0)
         gained = heights**2 * length
-        scale = noise[part, np.newaxis] + LATTICE_ERROR * np.mean(seen**2, axis=0)[:, np.newaxis]
-        odds = np.exp((gained - gained.max(axis=1, keepdims=True)) / (2 * scale))
+        scale = noise[part] + LATTICE_ERROR * np.mean(seen**2, axis=0)
+        odds = np.exp((gained - gained.max(axis=1, keepdims=True)) / (2 * scale[:, np.newaxis]))
         odds /= odds.sum(axis=1, keepdims=True)
-        shown = heights * self.signs[k]
-        mean = np.sum(odds * shown, axis=1)
-        spread = np.sum(odds * shown**2, axis=1) - mean**2
-        expected[part] = mean
-        variance[part] = np.maximum(spread, 0) + scale[:, 0] / max(int(believed.sum()), 1)
+        first = odds * heights
+        return Posterior(self, n, part, first, first * heights, scale / int(believed.sum()))
+
+    def predicted(
+        self, deviations: Array, noise: Array, believed: NDArray[np.bool_], k: int
+    ) -> tuple[Array, Array]:
+        """`Posterior.predicted` of frame k from the believed others."""
+        return self.posterior(deviations, noise, believed).predicted(k)
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Amplitudes h at the places q of the period, by some frames.
+
+    Parameters
+    ----------
+    phases
+        The codes.
+    n
+        Number of places of the picture.
+    part
+        Those that were looked at.
+    first, second
+        (looked at, places of the period): P h and P h².
+    rest
+        (looked at,): variance of what is predicted that a lattice and noise leave.
+    """
+
+    phases: Phases
+    n: int
+    part: slice
+    first: Array
+    second: Array
+    rest: Array
+
+    def predicted(self, k: int) -> tuple[Array, Array]:
+        """Deviations of frame k that these let expect, and their variance, (n,).
+
+        The variance is infinite at the places that were not looked at.
+        """
+        expected, variance = np.zeros(self.n), np.full(self.n, np.inf)
+        signs = self.phases.signs[k]
+        mean = self.first @ signs
+        spread = self.second @ signs**2 - mean**2
+        expected[self.part] = mean
+        variance[self.part] = np.maximum(spread, 0) + self.rest
         return expected, variance
 
 

@@ -20,6 +20,7 @@ from processing.kind import DARK_AT, Kind
 from processing.likeness import Before, changes, distance
 from processing.mismatch import mismatch
 from processing.mixture import mixture
+from processing.phases import Posterior
 from processing.prediction import (
     EXACT_FROM,
     Array,
@@ -107,6 +108,8 @@ class _Court:
         self.exact = linear.explained >= EXACT_FROM
         self.linear = linear
         self.by_others: dict[int, _Alone] = {}
+        # Frames that are not trusted are all told by the same others.
+        self.posteriors: dict[bytes, Posterior] = {}
         self.predicted = self._by_phases(linear)
         self.seen = mismatch(
             self.predicted, kind.covariance, self.trusted, self.exact, kind.partitions
@@ -127,7 +130,11 @@ class _Court:
             others = self.trusted.copy()
             others[[k, self.partner.get(k, k)]] = False
             linear = self.linear
-            expected, left = self.kind.phases.predicted(linear.deviations, linear.noise, others, k)
+            key = others.tobytes()
+            if key not in self.posteriors:
+                phases = self.kind.phases
+                self.posteriors[key] = phases.posterior(linear.deviations, linear.noise, others)
+            expected, left = self.posteriors[key].predicted(k)
             light = linear.mean + linear.deviations[k]
             gain = fitted_gain(light, linear.mean + expected, left + linear.noise)
             self.by_others[k] = _Alone(expected, left, light / gain - linear.mean, gain)
@@ -138,20 +145,23 @@ class _Court:
         deviations, residuals = linear.deviations.copy(), linear.residuals.copy()
         unexplained, gains = linear.unexplained.copy(), linear.gains.copy()
         explained, noise_gain = linear.explained.copy(), linear.noise_gain.copy()
-        moved = linear.moved.copy()
+        moved, told = linear.moved.copy(), np.zeros(residuals.shape[1], bool)
         for k in map(int, np.flatnonzero(~self.exact)):
             alone = self._alone(k)
             looked_at = np.isfinite(alone.left)
             deviations[k], unexplained[k] = alone.deviations, alone.left
             gains[k] *= alone.gain
             residuals[k] = alone.deviations - alone.expected
-            moved[k] = 0
-            moved[k, looked_at] = movements(residuals[k, looked_at], self.kind.slopes[:, looked_at])
-            residuals[k] -= moved[k]
             power = linear.contrast * float(self.kind.covariance[k, k])
             known = alone.left[looked_at] / max(power, 1e-30)
             explained[k] = 1 - float(np.mean(np.minimum(known, 1))) if known.size else 0.0
             noise_gain[k] = 1
+            told |= looked_at
+        inexact = np.flatnonzero(~self.exact)
+        moved[inexact] = 0
+        places = np.ix_(inexact, told)
+        moved[places] = movements(residuals[places], self.kind.slopes[:, told])
+        residuals[inexact] -= moved[inexact]
         return replace(
             linear,
             deviations=deviations,

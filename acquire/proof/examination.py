@@ -103,7 +103,7 @@ class Examination:
                 return None
         if self._white is None or self._black is None:
             return None
-        return WhiteBlack(
+        return WhiteBlack.of(
             self._exposures[self._white].samples, self._exposures[self._black].samples
         )
 
@@ -113,7 +113,7 @@ class Examination:
         if None in firsts or len(alike) > 1:
             return tuple(plain_proof(self._exposures[s], Finding.UNSEEN) for s in unit.steps)
         white, black = (self._exposures[step].samples for step in firsts if step is not None)
-        both = WhiteBlack(white, black)
+        both = WhiteBlack.of(white, black)
         if not both_show(white.grid.ravel(), black.grid.ravel(), both.noise):
             # Where both are dark it is likelier white that is wrong, where both are bright black.
             is_dark = float(white.grid.mean()) < BRIGHT_FROM

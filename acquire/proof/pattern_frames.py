@@ -48,6 +48,7 @@ class PatternFrames:
         self._grids = np.stack([exposures[step].samples.grid for step in unit.steps])
         self._lit = self._looked_at()
         self._pairs = complements(codes.covariance(unit))
+        self._noise = self._noise_of_a_sample()
 
     def contradicted(self) -> set[Reference]:
         """Which of white and black these frames prove wrong."""
@@ -74,8 +75,7 @@ class PatternFrames:
     def _can_judge(self) -> bool:
         return len(self._unit.steps) >= 2 and int(self._lit.sum()) >= FEWEST_PLACES
 
-    @property
-    def _noise(self) -> SampleNoise:
+    def _noise_of_a_sample(self) -> SampleNoise:
         if self._references is not None:
             return self._references.noise
         return SampleNoise(window_noise(self._exposures[self._unit.steps[0]].samples))

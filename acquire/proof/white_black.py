@@ -25,10 +25,17 @@ STRIPS = 16, 1
 
 @dataclass(frozen=True, slots=True)
 class WhiteBlack:
-    """The first white and the first black, exposed alike."""
+    """The first white and the first black, exposed alike, and the noise of a sample."""
 
     white: FrameSamples
     black: FrameSamples
+    noise: SampleNoise
+
+    @classmethod
+    def of(cls, white: FrameSamples, black: FrameSamples) -> WhiteBlack:
+        """With the noise of a sample, from how dark and how bright windows scatter."""
+        points = [(float(one.window.mean()), window_noise(one)) for one in (black, white)]
+        return cls(white, black, noise_through(points[0], points[1]))
 
     def lit(self, part: float) -> NDArray[np.bool_]:
         """bool, (rows, columns): places that white lights, by so much of the bright level."""
@@ -54,12 +61,6 @@ class WhiteBlack:
         looked_at = self.lit(LOOKED_AT) & (due > certain)
         dark = looked_at & (light - self.black.grid < DARK_AT * due)
         return float(dark.sum() / max(int(looked_at.sum()), 1))
-
-    @property
-    def noise(self) -> SampleNoise:
-        """Noise of a sample, from how dark and how bright windows scatter."""
-        points = [(float(one.window.mean()), window_noise(one)) for one in (self.black, self.white)]
-        return noise_through(points[0], points[1])
 
 
 def window_noise(samples: FrameSamples) -> float:

@@ -55,6 +55,8 @@ def test_what_was_taken_again_is_shown_beside_what_the_second_attempt_shows(
         measured = read_tiff(tmp_path / "r" / one.measured, size, np.float32)
         wrong, right = lines[one.step, one.attempt], current[one.step]
         assert wrong != right
+        # Whatever it was, not only that it was wrong.
+        assert not one.verdict.startswith("was found wrong")
         np.testing.assert_array_equal(measured, light_of(mended, wrong))
         assert not one.is_right
         assert one.miss is not None

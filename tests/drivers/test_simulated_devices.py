@@ -235,6 +235,8 @@ EVERYTHING = {
     "blur_px": 0.5,
     "gamma": 2.2,
     "black_level": 0.01,
+    "shade": 0.3,
+    "iso_turned": 400.0,
 }
 
 
