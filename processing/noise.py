@@ -10,7 +10,7 @@ _MEDIAN_TO_DEVIATION = 1.4826
 # The kernel (1, -2, 1)' (1, -2, 1) multiplies white noise by the root of its sum of squares.
 _KERNEL_GAIN = 6.0
 # Neighbourhoods that give the noise to 0.3 %; of larger images only some lines are looked at.
-_ENOUGH = 1 << 19
+_ENOUGH = 1 << 18
 
 
 def noise_deviation(image: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
