@@ -72,7 +72,8 @@ def correct(
     unusable = Unusable.of(separated.mask)
     pitches = []
     # What the samples tell of a pitch is found beside the correction of the one before.
-    with ThreadPoolExecutor(1, thread_name_prefix="bias") as ahead:
+    ahead = ThreadPoolExecutor(1, thread_name_prefix="bias")
+    try:
         told = ahead.map(lambda one: _bias(separated, one, noise), separated.samples)
         for pitch, sample, bias in zip(separated.pitches, separated.samples, told, strict=True):
             estimate = _estimate(folder, pitch, separated, sample, noise, bias, leak)
@@ -82,6 +83,8 @@ def correct(
                 estimate = _freed(estimate, pitch, error)
             pitches.append(_written(folder, pitch, estimate, unusable))
             observer.advance()
+    finally:
+        ahead.shutdown(cancel_futures=True)
     record = FrameNoiseRecord(
         constant=tuple(noise.constant.tolist()), slope=tuple(noise.slope.tolist())
     )

@@ -7,8 +7,10 @@ the white row.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,6 +104,10 @@ def independent(
 def _whiten(samples: NDArray[np.float32]) -> Array:
     """Whiten each colour's samples in place; return the filters, (colours, n, n)."""
     filters = whitening(samples)
-    for color, matrix in zip(samples, filters.astype(np.float32), strict=True):
-        color[:] = product(matrix, color)
+
+    def whiten(color: int) -> None:
+        samples[color] = product(filters[color].astype(np.float32), samples[color])
+
+    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="whiten") as threads:
+        list(threads.map(whiten, range(len(samples))))
     return filters
