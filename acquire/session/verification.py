@@ -35,7 +35,7 @@ def problems(session: Session) -> Iterator[str | None]:
         try:
             session.read(frame)
         except SessionError as error:
-            yield str(error).split(". `lumisplit verify", maxsplit=1)[0] + "."
+            yield str(error).split(". `lumisplit verify", maxsplit=1)[0].rstrip(".") + "."
         else:
             yield None
     yield from _strangers(session)
