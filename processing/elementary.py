@@ -14,12 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 from numba import njit, vectorize
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+_Floats = TypeVar("_Floats", NDArray[np.float64], NDArray[np.float32])
 
 _LOG2_E = float.fromhex("0x1.71547652b82fep+0")
 # ln 2 and π/2 in parts, of which all but the last have so few digits that small multiples of them
@@ -39,12 +41,14 @@ _ROOT_HALF = math.sqrt(0.5)
 _EXP = tuple(1 / math.factorial(k) for k in range(13, -1, -1))
 _ATANH = tuple(1 / (2 * k + 1) for k in range(12, -1, -1))
 _SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(8, -1, -1))
+_ARCTAN = tuple((-1) ** k / (2 * k + 1) for k in range(12, -1, -1))
 _COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(9, -1, -1))
 # Of Φ: the deviates between which it is tabulated, entries a unit, terms of each.
 _LEAST_DEVIATE, _MOST_DEVIATE = -12, 9
 _ENTRIES = 16
 _TERMS = 10
 _FRACTIONS = 60
+_NEWTON_STEPS = 4
 
 
 def exp(values: ArrayLike) -> Array:
@@ -67,6 +71,38 @@ def sin(values: ArrayLike) -> Array:
     return _quietly(_cosine_after, values, 3)
 
 
+def arctan2(heights: ArrayLike, widths: ArrayLike) -> Array:
+    """The angle of points (width, height), in [−π, π]."""
+    with np.errstate(all="ignore"):
+        return np.asarray(_angle(np.asarray(heights, np.float64), np.asarray(widths, np.float64)))
+
+
+def sinc(values: ArrayLike) -> Array:
+    """sin(πx)/(πx)."""
+    angles = np.pi * np.asarray(values, np.float64)
+    apart = angles != 0
+    found: Array = np.where(apart, sin(angles) / np.where(apart, angles, 1.0), 1.0)
+    return found
+
+
+def turned(angles: ArrayLike) -> NDArray[np.complex128]:
+    """e^{iφ} of angles in radians."""
+    found = np.empty(np.shape(angles), np.complex128)
+    found.real, found.imag = cos(angles), sin(angles)
+    return found
+
+
+def deviate(shares: ArrayLike) -> Array:
+    """The inverse of `normal`, of shares between 1e-30 and 1 − 1e-15, to some 1e-12."""
+    wanted, table = np.asarray(shares, np.float64), _normal_table()[:, 0]
+    entry = np.clip(np.searchsorted(table, wanted), 0, len(table) - 1)
+    found = _LEAST_DEVIATE + entry / _ENTRIES
+    for _ in range(_NEWTON_STEPS):
+        density = exp(-(found**2) / 2) / math.sqrt(2 * math.pi)
+        found = found - (normal(found) - wanted) / density
+    return np.asarray(found, np.float64)
+
+
 def normal(values: ArrayLike) -> Array:
     """Φ, the part of a normal distribution that lies below a deviate; 0 below −12."""
     deviates = np.asarray(values, np.float64)
@@ -75,11 +111,9 @@ def normal(values: ArrayLike) -> Array:
     return found
 
 
-def hypot(first: ArrayLike, second: ArrayLike) -> Array:
+def hypot(first: _Floats, second: _Floats) -> _Floats:
     """√(x² + y²) of numbers whose squares are neither 0 nor infinite by their size alone."""
-    x, y = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    length: Array = np.sqrt(x * x + y * y)
-    return length
+    return np.sqrt(first * first + second * second)
 
 
 def _quietly(function: Callable[..., ArrayLike], values: ArrayLike, *more: int) -> Array:
@@ -119,8 +153,34 @@ def _log(x):  # type: ignore[no-untyped-def]
 
 
 @vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
+def _angle(y, x):  # type: ignore[no-untyped-def]
+    high, wide = abs(y), abs(x)
+    larger = max(high, wide)
+    if not 0 < larger < np.inf or np.isnan(x + y):
+        return x * y * 0.0
+    ratio = min(high, wide) / larger
+    # Halved twice, so that the series is short.
+    for _ in range(2):
+        ratio /= 1 + math.sqrt(1 + ratio * ratio)
+    square, found = ratio * ratio, 0.0
+    for coefficient in _ARCTAN:
+        found = found * square + coefficient
+    found *= 4 * ratio
+    if high > wide:
+        found = np.pi / 2 - found
+    if x < 0:
+        found = np.pi - found
+    return math.copysign(found, y)
+
+
+@vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
 def _cosine_after(x, quarters):  # type: ignore[no-untyped-def]
-    """cos(x + quarters · π/2)."""
+    return cosine_after(x, quarters)
+
+
+@njit(cache=True)
+def cosine_after(x, quarters):  # type: ignore[no-untyped-def]
+    """cos(x + quarters · π/2) of a number, for compiled code."""
     if not abs(x) < _FARTHEST:
         return np.nan
     turns = math.floor(x / (_HALF_PI[0] + _HALF_PI[1]) + 0.5)

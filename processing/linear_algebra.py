@@ -25,15 +25,18 @@ _ROUNDING = 1e-16
 
 def product(first: _Floats, second: _Floats) -> _Floats:
     """The matrix product of (…, k, m) and (…, m, n), or of (k, m) with a vector of (m,)."""
-    vector = second.ndim == 1
-    right = second[:, np.newaxis] if vector else second
-    if first.ndim < 2 or first.shape[-1] != right.shape[-2]:
+    if second.ndim == 1:
+        return product(first, second[:, np.newaxis])[..., 0]
+    if min(first.ndim, second.ndim) < 2 or first.shape[-1] != second.shape[-2]:
         raise ValueError(f"there is no product of shapes {first.shape} and {second.shape}")
-    ahead: tuple[int, ...] = np.broadcast_shapes(first.shape[:-2], right.shape[:-2])
-    total = np.zeros((*ahead, first.shape[-2], right.shape[-1]), first.dtype)
-    for k in range(first.shape[-1]):
-        total += first[..., :, k, np.newaxis] * right[..., k, np.newaxis, :]
-    return total[..., 0] if vector else total
+    ahead: tuple[int, ...] = np.broadcast_shapes(first.shape[:-2], second.shape[:-2])
+    total = np.zeros((*ahead, first.shape[-2], second.shape[-1]), first.dtype)
+    ones = np.broadcast_to(first, (*ahead, *first.shape[-2:]))
+    others = np.broadcast_to(second, (*ahead, *second.shape[-2:]))
+    for place in np.ndindex(ahead):
+        one, other = np.ascontiguousarray(ones[place]), np.ascontiguousarray(others[place])
+        _multiply(one, other, total[place])
+    return total
 
 
 def inner(first: Array, second: Array) -> float:
@@ -105,6 +108,14 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     values = np.diagonal(rotated)
     order = np.argsort(values, kind="stable")
     return values[order], vectors[:, order]
+
+
+@njit(cache=True)
+def _multiply(first, second, total):  # type: ignore[no-untyped-def]
+    for i in range(first.shape[0]):
+        for k in range(first.shape[1]):
+            for j in range(second.shape[1]):
+                total[i, j] += first[i, k] * second[k, j]
 
 
 @njit(cache=True)

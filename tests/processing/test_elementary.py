@@ -101,3 +101,30 @@ def test_bits_do_not_depend_on_the_processor(
     values = values[values >= least]
     found = np.concatenate([function(values), function(values / 1024)])
     assert hashlib.sha256(found.astype("<f8").tobytes()).hexdigest()[:16] == digest
+
+
+def test_angles_of_points() -> None:
+    turn = np.linspace(-np.pi, np.pi, 100_001)[1:-1]
+    for length in (1e-200, 1.0, 1e200):
+        found = elementary.arctan2(length * np.sin(turn), length * np.cos(turn))
+        assert np.abs(found - turn).max() < MOST_ULPS * np.spacing(np.pi)
+    points = [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-2.0, 0.0), (3.0, -3.0), (0.0, 0.0)]
+    found = elementary.arctan2(*np.array(points).T)
+    assert found.tolist() == [0.0, np.pi, np.pi / 2, -np.pi / 2, 0.75 * np.pi, 0.0]
+    assert np.isnan(elementary.arctan2(np.nan, 1.0))
+
+
+def test_turns_and_their_sines() -> None:
+    angles = np.linspace(-50, 50, 10_001)
+    np.testing.assert_allclose(elementary.turned(angles), np.exp(1j * angles), atol=1e-15)
+    np.testing.assert_allclose(elementary.sinc(angles), np.sinc(angles), atol=1e-15)
+    assert elementary.sinc(0.0) == 1
+
+
+def test_deviates_are_the_inverse() -> None:
+    deviates = np.linspace(-11, 5, 1001)
+    found = elementary.deviate(ndtr(deviates))
+    # Above 0 the share itself is known to its rounding alone.
+    density = np.exp(-(deviates**2) / 2) / np.sqrt(2 * np.pi)
+    assert np.all(np.abs(found - deviates) < 1e-9 + 2e-14 / density * (deviates > 0))
+    assert elementary.deviate(0.5) == 0
