@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from acquire.blanking import Unusable
 from acquire.pitches import SeparatedPitches
 from acquire.result import FrameNoiseRecord, PitchRecord, PixelClass, read_tiff, write_tiff
+from processing.elementary import hypot
 from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
 from processing.noise_bias import Correction, extrema_correction, measured_kinds
 from processing.optical_contrast import OpticalContrast
@@ -149,7 +150,7 @@ def _freed(estimate: Estimate, pitch: PitchRecord, error: NDArray[np.float64]) -
         return estimate
     direct = estimate.direct_light / left
     own = np.abs(direct) * error.astype(np.float32)
-    return Estimate(direct, np.hypot(estimate.deviation / left, own))
+    return Estimate(direct, hypot(estimate.deviation / left, own))
 
 
 def _white_deviation(separated: SeparatedPitches, noise: FrameNoise, frames: int) -> float:

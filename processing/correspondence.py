@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from processing.elementary import cos, cosine_after, sin
 from processing.harmonics import PitchDesign
 from processing.response import ResponseTables, carrier
 from processing.slopes import bin_of
@@ -167,7 +168,7 @@ def _search(
     angles = np.outer(rates, lattice)
     phasors = np.conj(harmonics / constants[:, np.newaxis]).astype(np.complex128)
     return _best_places(  # type: ignore[no-any-return]
-        np.ascontiguousarray(phasors.T), np.cos(angles), np.sin(angles), lattice, rates
+        np.ascontiguousarray(phasors.T), cos(angles), sin(angles), lattice, rates
     )
 
 
@@ -232,14 +233,16 @@ def _climb(real, imaginary, rates, place, curvature):  # type: ignore[no-untyped
         slope = 0.0
         for k in range(len(rates)):
             angle = rates[k] * place
-            slope += rates[k] * (imaginary[k] * np.cos(angle) - real[k] * np.sin(angle))
+            cosine, sine = cosine_after(angle, 0), cosine_after(angle, 3)
+            slope += rates[k] * (imaginary[k] * cosine - real[k] * sine)
         step = slope / curvature
         place += step
         if abs(step) < _ARRIVED_PX:
             break
     agreed = 0.0
     for k in range(len(rates)):
-        agreed += real[k] * np.cos(rates[k] * place) + imaginary[k] * np.sin(rates[k] * place)
+        angle = rates[k] * place
+        agreed += real[k] * cosine_after(angle, 0) + imaginary[k] * cosine_after(angle, 3)
     return place, agreed
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from processing.elementary import log
 from processing.response import ResponseTables
 from processing.slopes import look_up
 
@@ -100,7 +101,7 @@ def _excess(finest: Array, next_finest: Array, pitch_px: Array) -> Array:
     rates = (np.pi / pitch_px) ** 2
     bright = (finest > _LEAST_DIRECT) & (next_finest > _LEAST_DIRECT)
     ratio = np.where(bright, finest, 1.0) / np.where(bright, next_finest, 1.0)
-    return np.where(bright, -np.log(ratio) / (rates[0] - rates[1]), np.nan)
+    return np.where(bright, -log(ratio) / (rates[0] - rates[1]), np.nan)
 
 
 @njit(cache=True, nogil=True)

@@ -27,17 +27,20 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
-from scipy.stats import ncx2
+
+from processing.elementary import cos, deviate, exp, normal, sin
 
 Array: TypeAlias = NDArray[np.float64]
 Distribution: TypeAlias = Callable[[Array, Array], Array]
 
 # δ beyond which everything only shifts along, and between which the tables are interpolated.
 _DELTAS = np.concatenate([np.arange(0, 4, 0.4), [4, 5, 6, 8, 10, 13, 18, 28, 50, 120]])
-_TAIL = float(ndtr(-1.0))
+# Φ(−1).
+_TAIL = 0.15865525393145705
 STEP = 0.02
 _STEPS = 8
+# Of Rice's distribution: parts of an integral, and how far noise reaches.
+_PARTS, _FARTHEST = 40, 8.0
 # Contrasts nearer than this are one and the same.
 _SAME_CONTRAST = 1e-3
 
@@ -101,9 +104,9 @@ def range_distribution(contrasts: Array) -> Distribution:
         product, rates = np.ones_like(x), np.zeros_like(x)
         for value, count in zip(values, counts, strict=True):
             at = x - delta[..., np.newaxis] * value / 2
-            inside = np.maximum(ndtr(at + r[..., np.newaxis]) - ndtr(at), 1e-30)
-            product *= inside if count == 1 else inside**count
-            rates += count * np.exp(-0.5 * at**2) / inside
+            inside = np.maximum(normal(at + r[..., np.newaxis]) - normal(at), 1e-30)
+            product *= _power(inside, count)
+            rates += count * exp(-0.5 * at**2) / inside
         total = np.sum(product * rates, axis=-1)
         found: Array = total * (below[1] - below[0]) / np.sqrt(2 * np.pi)
         return found
@@ -122,7 +125,8 @@ def complemented_distribution(contrasts: Array, white_deviation: float) -> Distr
         τ, the standard deviation of W in units of σ.
     """
     values, counts = _grouped(contrasts, 2 * float(np.abs(contrasts).max()), 0.0)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(21)
+    nodes = np.linspace(-8.0, 8.0, 33)
+    weights = exp(-0.5 * nodes**2)
     shift = white_deviation * nodes
 
     def probability(r: Array, delta: Array) -> Array:
@@ -130,8 +134,9 @@ def complemented_distribution(contrasts: Array, white_deviation: float) -> Distr
         for value, count in zip(values, counts, strict=True):
             off = shift - delta[..., np.newaxis] * value
             bound = r[..., np.newaxis]
-            product *= (ndtr((bound + off) / 2) - ndtr((off - bound) / 2)) ** count
-        found: Array = product @ weights / weights.sum()
+            inside = normal((bound + off) / 2) - normal((off - bound) / 2)
+            product *= _power(inside, count)
+        found: Array = np.sum(product * weights, axis=-1) / weights.sum()
         return found
 
     return probability
@@ -139,7 +144,28 @@ def complemented_distribution(contrasts: Array, white_deviation: float) -> Distr
 
 def amplitude_distribution(r: Array, delta: Array) -> Array:
     """P(R ≤ r) of the length of a vector of length δ with unit noise along both axes (Rice)."""
-    return np.asarray(ncx2.cdf(r**2, 2, np.maximum(delta**2, 1e-12)), np.float64)
+    r, delta = (one[..., np.newaxis] for one in np.broadcast_arrays(r, delta))
+    # Along the other axis, at the middles of equal parts: of the angle where r is short, so that
+    # nothing ends abruptly, else of the length as far as there is any noise.
+    parts = (np.arange(_PARTS) + 0.5) / _PARTS
+    near = r < _FARTHEST
+    aside = np.where(near, r * sin(np.pi / 2 * parts), _FARTHEST * parts)
+    width = np.where(near, np.pi / 2 * r * cos(np.pi / 2 * parts), _FARTHEST) / _PARTS
+    reach = np.sqrt(np.maximum(r**2 - aside**2, 0))
+    inside = normal(reach - delta) - normal(-reach - delta)
+    total = np.sum(width * exp(-0.5 * aside**2) * inside, axis=-1)
+    found: Array = total * np.sqrt(2 / np.pi)
+    return found
+
+
+def _power(values: Array, count: int) -> Array:
+    """Values to the power of a count ≥ 1, by products alone."""
+    found, square = np.ones_like(values), values
+    while count:
+        found = found * square if count % 2 else found
+        count //= 2
+        square = square * square
+    return found
 
 
 def mean_range(distribution: Distribution) -> tuple[Array, Array]:
@@ -167,7 +193,7 @@ def mean_extrema(contrasts: Array) -> tuple[Array, Array]:
     for side in (values, -values):
         below = np.ones_like(x)
         for value, count in zip(side, counts, strict=True):
-            below *= ndtr(x - _DELTAS[:, np.newaxis] * value / 2) ** count
+            below *= _power(normal(x - _DELTAS[:, np.newaxis] * value / 2), count)
         total += np.trapezoid(1 - below, dx=beside[1] - beside[0], axis=1)
     return _DELTAS, total
 
@@ -189,8 +215,7 @@ def _quantiles(distributions: Sequence[Distribution], probability: float) -> Arr
 
     def reached(r: Array) -> Array:
         mean = np.mean([one(r, _DELTAS) for one in distributions], axis=0)
-        normal: Array = ndtri(np.clip(mean, 1e-12, 1 - 1e-12)) - ndtri(probability)
-        return normal
+        return deviate(np.clip(mean, 1e-12, 1 - 1e-12)) - deviate(probability)
 
     # The normal deviate of a probability is nearly straight in R: false position (Illinois).
     low, high = np.maximum(_DELTAS - 6, 0), _DELTAS + 12

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.gains import GAIN_BOUNDS, joint_gains, pair_gains, whole_light
+from processing.linear_algebra import inner, product, solved
 from processing.parts import Parts
 from processing.patterns import Family, Pattern
 from processing.sample_noise import FEWEST_PAIRS, SampleNoise
@@ -240,9 +241,10 @@ def weights_for(
     weights = np.zeros(len(covariance))
     if others.any():
         among = covariance[np.ix_(others, others)] + nugget * np.eye(int(others.sum()))
-        weights[others] = np.linalg.solve(among, covariance[others, frame])
+        weights[others] = solved(among, covariance[others, frame])
     own = float(covariance[frame, frame])
-    left = own - 2 * float(weights @ covariance[frame]) + float(weights @ covariance @ weights)
+    left = own - 2 * inner(weights, covariance[frame])
+    left += inner(weights, product(covariance, weights))
     return weights, float(np.clip(1 - left / own, 0, 1))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from processing.account_fit import AccountFit
 from processing.accounts import Account
 from processing.blur import Blur
+from processing.elementary import hypot
 from processing.jackknife import tiles
 from processing.mean_mixing import mean_mixing
 from processing.remarks import Remark
@@ -78,7 +79,7 @@ class RangeDecomposition:
     @property
     def deviations(self) -> Image:
         """Standard errors in all, √(noise² + model²), float32, in the shape of `components`."""
-        return np.hypot(self.noise_errors, self.model_errors)
+        return hypot(self.noise_errors, self.model_errors)
 
 
 @dataclass(frozen=True, slots=True)

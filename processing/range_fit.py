@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from processing.account_fit import AccountFit, add_row, solve_account, take, workspace
 from processing.accounts import Account
+from processing.linear_algebra import product
 from processing.range_rows import Single, compiled, fill_row, filled, mix, split_table, weigh
 from processing.response import ResponseTables
 from processing.slopes import model_errors
@@ -152,7 +153,7 @@ def fit_rows(
     n_ranges = account.mixtures.shape[1] + 1
     amounts, parts = np.zeros((len(rows), n_ranges)), np.zeros((len(rows), 8))
     chi2 = np.zeros(len(rows))
-    design = np.column_stack([responses @ account.mixtures, np.zeros(len(pitch_px))])
+    design = np.column_stack([product(responses, account.mixtures), np.zeros(len(pitch_px))])
     _fit_rows(
         np.ascontiguousarray(rows), design, np.array(account.subsurface, np.int64),
         np.ascontiguousarray(white), variance, model_errors(pitch_px), amounts, parts, chi2,

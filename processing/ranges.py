@@ -31,6 +31,7 @@ from processing.correspondence import Correspondence, decode
 from processing.depth_edges import Seen, Setting, fit_two_places, near_jumps, seen_beside
 from processing.footprints import footprints
 from processing.gathering import HarmonicsStack
+from processing.linear_algebra import product
 from processing.near_light import NearLight
 from processing.optics import (
     NOISE_UNKNOWN,
@@ -196,7 +197,7 @@ def fit_ranges(
         accounts=accounts,
         responses=tuple(table.mean_response() for table in tables),
         blur=tuple(blur),
-        noise=np.sqrt(noise @ half_lit),
+        noise=np.sqrt(product(noise, half_lit)),
     )
     spectra = _fitted(_sampled(stack, sample, optics), optics)
     return FittedRanges(

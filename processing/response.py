@@ -23,7 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.elementary import arctan2, cos, exp, sin, sinc, turned
 from processing.harmonics import PitchDesign
+from processing.linear_algebra import product
 from processing.patterns import Family
 
 BINS_PER_PX = 4
@@ -115,9 +117,8 @@ class ResponseTables:
         rows = []
         for first, end in zip(self.first, ends, strict=True):
             down, right = self.down[first : end - 1], self.right[first : end - 1]
-            along_y = np.mean(down * down[:, :1].conj(), axis=0)
-            along_x = np.mean(right * right[:, :1].conj(), axis=0)
-            both = along_y.real * along_x.real
+            both = np.mean(_aligned(down, down[:, :1]), axis=0)
+            both = both * np.mean(_aligned(right, right[:, :1]), axis=0)
             rows.append(both / both[0])
         return np.array(rows)
 
@@ -127,7 +128,7 @@ def carrier(design: PitchDesign, *, down: bool) -> complex:
     varies = design.family.varies_down if down else design.family.varies_right
     if not varies:
         return 0
-    return 1j if design.family.is_binary else complex(np.exp(0.5j * np.pi / design.pitch_px))
+    return 1j if design.family.is_binary else complex(turned(0.5 * np.pi / design.pitch_px))
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +140,8 @@ class _Footprint:
 
     def transform(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
         """(rates, spreads), rates in radians a pixel."""
-        box = np.sinc(rates * self.box_px / (2 * np.pi))
-        reach: NDArray[np.float64] = np.exp(-0.5 * np.outer(rates, self.sigma_px) ** 2)
+        box = sinc(rates * self.box_px / (2 * np.pi))
+        reach: NDArray[np.float64] = exp(-0.5 * np.outer(rates, self.sigma_px) ** 2)
         return reach * box[:, np.newaxis]
 
 
@@ -154,13 +155,14 @@ def _table(design: PitchDesign, footprint: _Footprint, *, down: bool) -> NDArray
         both = design.family is Family.CHECKER
         count = len(design.patterns)
         size = np.sqrt(count) / 2 if both else count / 2
-        phase = np.exp(-1j * np.pi * places / pitch_px) * carrier(design, down=down)
+        begin = np.pi / 2 if design.family.is_binary else 0.5 * np.pi / pitch_px
+        phase = turned(begin - np.pi * places / pitch_px)
         return np.outer(phase, size * _amplitudes(design, footprint, np.ones(1))[0])
     shifts = sorted({p.shift_y_px if down else p.shift_x_px for p in design.patterns})
     wave = _wave(design, places[:-1], footprint)
     table = np.zeros((len(places), len(footprint.sigma_px)), np.complex128)
     for shift_px in shifts:
-        turn = np.exp(1j * np.pi * shift_px / pitch_px)
+        turn = complex(turned(np.pi * shift_px / pitch_px))
         table[:-1] += turn * np.roll(wave, -shift_px * BINS_PER_PX, axis=0)
     table[-1] = table[0]
     return table
@@ -170,8 +172,14 @@ def _phase_slope(table: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Slope d arg T/dt at every bin, from the bins half a pixel to either side."""
     reach = BINS_PER_PX // 2
     ahead, behind = np.roll(table[:-1], -reach), np.roll(table[:-1], reach)
-    slope: NDArray[np.float64] = np.angle(ahead * behind.conj())
+    turn = ahead.imag * behind.real - ahead.real * behind.imag
+    slope = arctan2(turn, _aligned(ahead, behind))
     return np.append(slope, slope[0])
+
+
+def _aligned(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Re(a b*), whose two products numpy would fuse on some processors."""
+    return first.real * second.real + first.imag * second.imag
 
 
 def _amplitudes(
@@ -182,7 +190,7 @@ def _amplitudes(
     if design.family.is_binary:
         return reach * (4 / (np.pi * orders))[:, np.newaxis]
     # A projector pixel holds one value: the cosine is averaged over its width.
-    return reach * np.sinc(0.5 / design.pitch_px)
+    return reach * sinc(0.5 / design.pitch_px)
 
 
 def _wave(
@@ -191,7 +199,7 @@ def _wave(
     """s(t), (places, spreads), t counted from the edge of the raster."""
     if not design.family.is_binary:
         phase = np.pi * (places - 0.5) / design.pitch_px
-        return np.outer(np.cos(phase), _amplitudes(design, footprint, np.ones(1))[0])
+        return np.outer(cos(phase), _amplitudes(design, footprint, np.ones(1))[0])
     orders = np.arange(1, min(8 * design.pitch_px, _MOST_HARMONICS), 2).astype(np.float64)
-    waves = np.sin(np.pi * np.outer(places, orders) / design.pitch_px)
-    return waves @ _amplitudes(design, footprint, orders)
+    waves = sin(np.pi * np.outer(places, orders) / design.pitch_px)
+    return product(waves, _amplitudes(design, footprint, orders))

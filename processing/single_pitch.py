@@ -21,7 +21,9 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
+from processing.elementary import cos, sin
 from processing.frame_noise import FrameNoise, lattice_step
+from processing.linear_algebra import inverse, product
 from processing.noise_bias import Correction
 from processing.order_statistics import STEP
 
@@ -103,10 +105,10 @@ def amplitude_estimate(
         four or more spread evenly.
     """
     angles = np.array(list(phases))
-    basis = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)])
+    basis = np.stack([np.ones_like(angles), cos(angles), sin(angles)])
     if np.linalg.matrix_rank(basis) < 3:
         raise ValueError(f"{len(angles)} phases do not fix a sinusoid: its three unknowns need 3")
-    covariance = np.linalg.inv(basis @ basis.T)
+    covariance = inverse(product(basis, basis.T))
     gain = 2 * float(np.sqrt(np.trace(covariance[1:, 1:]) / 2))
     kinds = np.zeros((1, 1, white.shape[-1]), np.int64)
     correction = Correction.of_amplitude()
@@ -190,7 +192,7 @@ def _estimate(
     height, width, n_colors = white.shape
     measured = kinds.size > n_colors
     step = lattice_step(white.shape) if measured else max(white.shape)
-    half = np.hypot(correction.half, _KIND_SPREAD) if measured else correction.half
+    half = np.sqrt(correction.half**2 + _KIND_SPREAD**2) if measured else correction.half
     # Both of an entry side by side: they are looked up together.
     tables = np.stack([correction.middle, half], axis=-1).astype(np.float32)
     # The table of each value of a line: where it begins when they lie one after the other.

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from processing.elementary import hypot
 from processing.harmonics import PitchDesign
 from processing.response import BINS_PER_PX, ResponseTables
 
@@ -39,7 +40,7 @@ def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
     """
     shape = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
     bent = _BLUR_ERROR * blur_px2 * (np.pi / pitch_px) ** 2
-    errors: Array = np.hypot(shape, bent)
+    errors: Array = hypot(shape, bent)
     return errors
 
 

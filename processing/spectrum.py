@@ -18,7 +18,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.special import ndtri
+
+from processing.elementary import deviate, log
 
 # Gradients below this, relative to the right-hand side, count as zero.
 _TOLERANCE = 1e-10
@@ -205,13 +206,13 @@ def diffusion_mixture(spread_px: NDArray[np.float64], range_px: float) -> NDArra
     -------
     (n,), ≥ 0, sum 1.
     """
-    sigma = range_px * ndtri(0.5 + (np.arange(_QUANTILES) + 0.5) / (2 * _QUANTILES))
+    sigma = range_px * deviate(0.5 + (np.arange(_QUANTILES) + 0.5) / (2 * _QUANTILES))
     least = spread_px[1]
     mixture = np.zeros(len(spread_px))
     short = sigma < least
     variance = (sigma[short] / least) ** 2
     mixture[:2] += np.sum(1 - variance), np.sum(variance)
-    at = np.interp(np.log(sigma[~short]), np.log(spread_px[1:]), np.arange(1, len(spread_px)))
+    at = np.interp(log(sigma[~short]), log(spread_px[1:]), np.arange(1, len(spread_px)))
     below = np.minimum(at.astype(np.int64), len(spread_px) - 2)
     np.add.at(mixture, below, 1 - (at - below))
     np.add.at(mixture, below + 1, at - below)
