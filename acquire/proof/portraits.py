@@ -134,7 +134,7 @@ def _kept(
         verdict=_verdict(proof, superseded=superseded),
         is_right=proof is not None and not proof.is_wrong and not superseded,
         how=expected.how,
-        holds=expected.holds,
+        holds=None if expected.holds is None else round(expected.holds, 6),
         miss=miss,
         white=white,
         light=None if proof is None else proof.light,
