@@ -23,6 +23,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.elementary import cos, sin, turned
 from processing.patterns import Family, Pattern, balanced
 
 Image = NDArray[np.float32]
@@ -100,10 +101,10 @@ def _weights(
     products = np.stack(
         [
             np.ones_like(down),
-            np.cos(down) * np.cos(right),
-            np.cos(down) * np.sin(right),
-            np.sin(down) * np.cos(right),
-            np.sin(down) * np.sin(right),
+            cos(down) * cos(right),
+            cos(down) * sin(right),
+            sin(down) * cos(right),
+            sin(down) * sin(right),
         ]
     )
     unknowns = np.linalg.matrix_rank(products)
@@ -114,10 +115,11 @@ def _weights(
             "unknowns of a pixel; add shifts in the directions in which it varies"
         )
     if is_grid:
-        sums = np.exp(1j * np.stack([down + right, down - right], axis=1))
+        sums = turned(np.stack([down + right, down - right], axis=1))
         split: NDArray[np.float64] = sums.view(np.float64)
         return split
     # Scaled as the sums over a grid are, so that noise weighs alike: n/4 (n/2 in one direction).
+    # Their last bits, which are the processor's, go when frames are weighed in single precision.
     _, cc, cs, sc, ss = np.linalg.pinv(products).T * (len(down_px) / (4 if needed == 5 else 2))
     return np.stack([cc - ss, cs + sc, cc + ss, sc - cs], axis=1)
 

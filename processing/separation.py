@@ -28,6 +28,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from processing.elementary import cos, hypot, sin
+from processing.linear_algebra import inverse
+
 Image: TypeAlias = NDArray[np.float32]
 
 # Advances nearer than this, in radians, are the same shift: a thousandth of the finest step.
@@ -182,9 +185,10 @@ class SinusoidSeparation:
         normal = np.zeros((3, 3))
         for phase, count in n_frames.items():
             normal += count * np.outer(_basis(phase), _basis(phase))
-        solution = np.linalg.inv(normal).astype(np.float32)
-        mean, cosine, sine = (np.tensordot(row, self._moments, 1) for row in solution)
-        direct = np.hypot(cosine, sine) * np.float32(2 / (1 - leak))
+        solution = inverse(normal).astype(np.float32)
+        first, second, third = self._moments
+        mean, cosine, sine = (a * first + b * second + c * third for a, b, c in solution)
+        direct = hypot(cosine, sine) * np.float32(2 / (1 - leak))
         if white is None:
             return Separation(direct, mean * np.float32(2 / (1 + leak)) - direct)
         _check_image("white", white, self._moments.shape[1:])
@@ -216,7 +220,7 @@ def _of_all_lines(n_frames: NDArray[np.int64]) -> int:
 
 
 def _basis(phase: float) -> NDArray[np.float64]:
-    return np.array([1, np.cos(phase), np.sin(phase)])
+    return np.array([1.0, float(cos(phase)), float(sin(phase))])
 
 
 def _check_leak(leak: float) -> None:
