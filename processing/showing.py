@@ -182,6 +182,10 @@ class _Court:
         ]
         if not suspects:
             return False
+        # Where complements do not agree both are suspect, though one alone may be over its bound.
+        off = self.exact & self.seen.places.any(axis=1)
+        disputed = [self.partner[k] for k in suspects if off[k] and k in self.partner]
+        suspects += [k for k in disputed if self.trusted[k] and k not in suspects]
         cases = {k: self._case(k) for k in suspects}
         # Of a pair that does not agree one is wrong; else right is right if it is the likelier.
         suspects = [k for k in suspects if self.exact[k] or cases[k].evidence > 0]
@@ -226,6 +230,9 @@ class _Court:
         ]
         for k, finding in self.accused.items():
             clear = self.predicted.explained[k] > CLEAR_FROM
+            # Two complements that did not agree are not both right.
+            other = self.partner.get(k)
+            clear &= other is None or not self.trusted[other]
             if found[k] is not Finding.OWN or not clear:
                 found[k] = finding
         for k in self.mixed:
@@ -291,7 +298,7 @@ class _Court:
         return float(self.kind.frames[k].sum()) / whole, 1 + float(expected.sum()) / whole
 
     def _case(self, k: int) -> Suspicion:
-        where = self.seen.places[k]
+        where = self._in_question(k)
         if not where.any():
             return Suspicion(np.inf, Shown.BEFORE, 1.0)
         alone, predicted = self._alone(k), self.predicted
@@ -325,6 +332,12 @@ class _Court:
         )
         return suspicion(suspect, self._pictures(k, usual, where))
 
+    def _in_question(self, k: int) -> NDArray[np.bool_]:
+        """Places where frame k, or else its complement, is off its prediction, (n,)."""
+        own = self.seen.places[k]
+        other = self.seen.places[self.partner.get(k, k)]
+        return np.asarray(own if own.any() else other, bool)
+
     def _pictures(
         self, k: int, usual: float, where: NDArray[np.bool_]
     ) -> Iterator[tuple[Shown, Array]]:
@@ -346,7 +359,7 @@ class _Court:
     def _named(self, k: int, case: Suspicion) -> Finding:
         if self.found[k] in {Finding.BLANK, Finding.PREVIOUS}:
             return self.found[k]
-        part = float(self.seen.places[k].mean())
+        part = float(self._in_question(k).mean())
         whole = part > WHOLE_AT and case.mixed > WHOLE_AT
         if case.shown is Shown.BEFORE and whole:
             return Finding.PREVIOUS

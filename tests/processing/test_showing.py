@@ -96,7 +96,7 @@ def test_of_three_waves_the_one_that_shows_the_picture_before_is_found(late: int
     assert set(accused(kind(WAVES, pictures))) == {late}
 
 
-@pytest.mark.parametrize("part", [0.12, 0.3])
+@pytest.mark.parametrize("part", [0.12, 0.16, 0.2, 0.3])
 def test_a_mixture_with_the_picture_before_is_found(part: float) -> None:
     for wrong in range(1, len(CHECKERS)):
         pictures = [seen(pattern) for pattern in CHECKERS]
