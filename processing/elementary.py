@@ -17,7 +17,7 @@ from functools import cache
 from typing import TypeVar
 
 import numpy as np
-from numba import njit, vectorize
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -53,28 +53,30 @@ _NEWTON_STEPS = 4
 
 def exp(values: ArrayLike) -> Array:
     """The exponential function."""
-    return _quietly(_exp, values)
+    return _each(_exp, values)
 
 
 def log(values: ArrayLike) -> Array:
     """The natural logarithm; −∞ of 0, NaN below."""
-    return _quietly(_log, values)
+    return _each(_log, values)
 
 
 def cos(values: ArrayLike) -> Array:
     """The cosine of angles in radians, up to some millions; NaN beyond."""
-    return _quietly(_cosine_after, values, 0)
+    return _each(_cos, values)
 
 
 def sin(values: ArrayLike) -> Array:
     """The sine of angles in radians, up to some millions; NaN beyond."""
-    return _quietly(_cosine_after, values, 3)
+    return _each(_sin, values)
 
 
 def arctan2(heights: ArrayLike, widths: ArrayLike) -> Array:
     """The angle of points (width, height), in [−π, π]."""
-    with np.errstate(all="ignore"):
-        return np.asarray(_angle(np.asarray(heights, np.float64), np.asarray(widths, np.float64)))
+    y, x = np.broadcast_arrays(np.asarray(heights, np.float64), np.asarray(widths, np.float64))
+    found = np.empty(y.shape)
+    _angle(y.ravel(), x.ravel(), found.reshape(-1))
+    return found
 
 
 def sinc(values: ArrayLike) -> Array:
@@ -116,14 +118,16 @@ def hypot(first: _Floats, second: _Floats) -> _Floats:
     return np.sqrt(first * first + second * second)
 
 
-def _quietly(function: Callable[..., ArrayLike], values: ArrayLike, *more: int) -> Array:
-    """Of values that are not finite the result says enough."""
-    with np.errstate(all="ignore"):
-        return np.asarray(function(np.asarray(values, np.float64), *more))
+def _each(function: Callable[[Array, Array], object], values: ArrayLike) -> Array:
+    """A function of every value; loops, as numba's own ufuncs mind being met by two threads."""
+    given = np.asarray(values, np.float64)
+    found = np.empty(given.shape)
+    function(given.ravel(), found.reshape(-1))
+    return found
 
 
-@vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
-def _exp(x):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _exp_of(x):  # type: ignore[no-untyped-def]
     if not x < 709.782712893384:
         return x * np.inf
     if x < -745.2:
@@ -138,8 +142,8 @@ def _exp(x):  # type: ignore[no-untyped-def]
     return found * _POWERS[half - _SMALLEST_POWER] * _POWERS[power - half - _SMALLEST_POWER]
 
 
-@vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
-def _log(x):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _log_of(x):  # type: ignore[no-untyped-def]
     if not 0 < x < np.inf:
         return x if x > 0 else (-np.inf if x == 0 else np.nan)
     mantissa, power = math.frexp(x)
@@ -152,8 +156,8 @@ def _log(x):  # type: ignore[no-untyped-def]
     return 2 * ratio * found + power * _LN2[1] + power * _LN2[0]
 
 
-@vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
-def _angle(y, x):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _angle_of(y, x):  # type: ignore[no-untyped-def]
     high, wide = abs(y), abs(x)
     larger = max(high, wide)
     if not 0 < larger < np.inf or np.isnan(x + y):
@@ -171,11 +175,6 @@ def _angle(y, x):  # type: ignore[no-untyped-def]
     if x < 0:
         found = np.pi - found
     return math.copysign(found, y)
-
-
-@vectorize(cache=True)  # type: ignore[no-untyped-call] # numba has no types
-def _cosine_after(x, quarters):  # type: ignore[no-untyped-def]
-    return cosine_after(x, quarters)
 
 
 @njit(cache=True)
@@ -234,3 +233,33 @@ def _normal(deviates, table, found):  # type: ignore[no-untyped-def]
             found[i] = 1.0
         else:
             found[i] = deviate * 0.0 if np.isnan(deviate) else 0.0
+
+
+@njit(cache=True)
+def _exp(values, found):  # type: ignore[no-untyped-def]
+    for i in range(len(values)):
+        found[i] = _exp_of(values[i])
+
+
+@njit(cache=True)
+def _log(values, found):  # type: ignore[no-untyped-def]
+    for i in range(len(values)):
+        found[i] = _log_of(values[i])
+
+
+@njit(cache=True)
+def _cos(values, found):  # type: ignore[no-untyped-def]
+    for i in range(len(values)):
+        found[i] = cosine_after(values[i], 0)
+
+
+@njit(cache=True)
+def _sin(values, found):  # type: ignore[no-untyped-def]
+    for i in range(len(values)):
+        found[i] = cosine_after(values[i], 3)
+
+
+@njit(cache=True)
+def _angle(heights, widths, found):  # type: ignore[no-untyped-def]
+    for i in range(len(found)):
+        found[i] = _angle_of(heights[i], widths[i])
