@@ -167,7 +167,7 @@ class RemoteGatherer:
             sums = (images[name] for name in ("harmonics", "total", "null"))
             harmonics = PitchHarmonics.whole(PitchDesign.of(patterns), *sums)
         return GatheredPitch(
-            images["mean"],
+            images["total"],
             Separation(images["direct"], images["global_"]),
             FrameSample.whole(patterns, images["sample"]),
             harmonics,
@@ -209,15 +209,14 @@ def gather_pitch(
     gatherer = LocalGatherer(leak, with_harmonics, lambda: None)
     (found,) = gatherer.gather_groups(stack, [group], Levels(dark, lit, drift))
     images: dict[str, NDArray[np.generic]] = {
-        "mean": found.mean,
+        "total": found.total,
         "direct": found.separation.direct_light,
         "global_": found.separation.global_light,
         "sample": found.sample.frames.astype(np.float32),
         "saturated": np.asarray(stack.saturated),
     }
     if found.harmonics is not None:
-        one = found.harmonics
-        images |= {"harmonics": one.harmonics, "total": one.total, "null": one.null}
+        images |= {"harmonics": found.harmonics.harmonics, "null": found.harmonics.null}
     name = f"{index:04d}-{uuid.uuid4().hex}.npz"
     with storage(folder / name):
         np.savez(folder / name, allow_pickle=False, **images)

@@ -27,17 +27,38 @@ _BATCH_VALUES = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Some frames and what they hold; the images last until the next batch is asked for."""
+    """Some frames of a group and what they hold, until the next batch is asked for.
 
+    Parameters
+    ----------
+    group
+        Place of the group among all.
+    is_last
+        No more frames of the group come.
+    frames, images
+        One image a frame.
+    """
+
+    group: int
+    is_last: bool
     frames: tuple[FrameRecord, ...]
     images: tuple[LinearImage, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Some frames of a group."""
+
+    group: int
+    is_last: bool
+    frames: tuple[FrameRecord, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class _Decoding:
     """A batch that is being decoded, into memory that is used again."""
 
-    frames: Sequence[FrameRecord]
+    part: _Part
     rooms: Sequence[LinearImage | None]
     decoding: Sequence[Future[LinearImage]]
 
@@ -101,13 +122,13 @@ class Frames:
         waiting: deque[_Decoding] = deque()
         decoders = ThreadPoolExecutor(DECODERS, thread_name_prefix="decode")
         try:
-            for frames in self._parts(groups):
-                rooms = [used.pop() if used else self._room() for _ in frames]
+            for part in self._parts(groups):
+                rooms = [used.pop() if used else self._room() for _ in part.frames]
                 decoding = [
                     decoders.submit(self._decode, frame, room)
-                    for frame, room in zip(frames, rooms, strict=True)
+                    for frame, room in zip(part.frames, rooms, strict=True)
                 ]
-                waiting.append(_Decoding(frames, rooms, decoding))
+                waiting.append(_Decoding(part, rooms, decoding))
                 if len(waiting) > 1:
                     yield self._decoded(waiting[0])
                     used.extend(room for room in waiting.popleft().rooms if room is not None)
@@ -116,15 +137,15 @@ class Frames:
         finally:
             decoders.shutdown(cancel_futures=True)
 
-    def _parts(self, groups: Iterable[Sequence[FrameRecord]]) -> Iterator[Sequence[FrameRecord]]:
+    def _parts(self, groups: Iterable[Sequence[FrameRecord]]) -> Iterator[_Part]:
         """One frame at a time until it is known how large they are."""
-        for group in groups:
+        for number, group in enumerate(groups):
             start = 0
             while start < len(group):
                 values = _BATCH_VALUES if self.saturated is None else 3 * self.saturated.size
-                size = min(max(_BATCH_VALUES // values, 1), _BATCH_FRAMES)
-                yield group[start : start + size]
-                start += size
+                stop = start + min(max(_BATCH_VALUES // values, 1), _BATCH_FRAMES)
+                yield _Part(number, stop >= len(group), tuple(group[start:stop]))
+                start = stop
 
     def _room(self) -> LinearImage | None:
         """Memory for an image, once it is known how large it is.
@@ -138,8 +159,9 @@ class Frames:
         return LinearImage(np.empty((*shape, 3), np.float32), np.empty(shape, np.bool_))
 
     def _decoded(self, batch: _Decoding) -> Batch:
-        pairs = [self._note(*pair) for pair in zip(batch.frames, batch.decoding, strict=True)]
-        return Batch(tuple(batch.frames), tuple(image for _, image in pairs))
+        part = batch.part
+        pairs = [self._note(*pair) for pair in zip(part.frames, batch.decoding, strict=True)]
+        return Batch(part.group, part.is_last, part.frames, tuple(image for _, image in pairs))
 
     def leave_out(self, superpixels: NDArray[np.bool_]) -> None:
         """Count superpixels, (height, width), as saturated from the start: hot ones.

@@ -33,12 +33,12 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class GatheredPitch:
-    """What the frames of one pitch come down to.
+    """What the frames of one pitch come down to, until the next one is asked for.
 
     Parameters
     ----------
-    mean
-        float32, (height, width, 3), of the frames.
+    total
+        float32, (height, width, 3), the sum of the frames.
     separation
         Direct and global light.
     sample
@@ -47,7 +47,7 @@ class GatheredPitch:
         Where they are wanted.
     """
 
-    mean: Image
+    total: Image
     separation: Separation
     sample: FrameSample
     harmonics: PitchHarmonics | None
@@ -87,46 +87,69 @@ class LocalGatherer:
         self, stack: Stack, groups: Sequence[PitchGroup], levels: Levels
     ) -> Iterator[GatheredPitch]:
         """Some of the groups."""
-        with closing(stack.batches(group.frames for group in groups)) as batches:
-            for group in groups:
-                yield self._gathered(stack, group, levels, batches)
-
-    def _gathered(
-        self, stack: Stack, group: PitchGroup, levels: Levels, batches: Iterator[Batch]
-    ) -> GatheredPitch:
-        """One pitch, whose batches come next."""
+        memory: _Memory | None = None
         sums: _Sums | None = None
-        missing = len(group.frames)
-        while missing:
-            batch = next(batches)
-            height, width, colours = batch.images[0].values.shape
-            sums = sums or _Sums(group, (height, width, colours), self.with_harmonics)
-            sums.add(batch, [levels.of(stack.order(frame), width) for frame in batch.frames])
-            missing -= len(batch.frames)
-            for _ in batch.frames:
-                self.frame_done()
-        if sums is None:
-            raise StackError(f"{group.family} at pitch {group.pitch_px} has no frames.")
-        return sums.gathered(levels.lit, self.leak)
+        with closing(stack.batches([group.frames for group in groups])) as batches:
+            for batch in batches:
+                height, width, colours = batch.images[0].values.shape
+                memory = memory or _Memory((height, width, colours))
+                if sums is None:
+                    sums = _Sums(groups[batch.group], memory, with_harmonics=self.with_harmonics)
+                sums.add(batch, [levels.of(stack.order(one), width) for one in batch.frames])
+                for _ in batch.frames:
+                    self.frame_done()
+                if batch.is_last:
+                    yield sums.gathered(levels.lit, self.leak)
+                    sums = None
+
+
+class _Memory:
+    """Images that one pitch after the other is gathered in.
+
+    Taking new memory for each would cost as much time as the arithmetic.
+    """
+
+    def __init__(self, shape: tuple[int, int, int]) -> None:
+        self.shape = shape
+        self.room = Separation(np.empty(shape, np.float32), np.empty(shape, np.float32))
+        self._separations: dict[bool, ExtremaSeparation | SinusoidSeparation] = {}
+        self._harmonics: PitchHarmonics | None = None
+        self._total: Image | None = None
+
+    def separation(self, *, is_binary: bool) -> ExtremaSeparation | SinusoidSeparation:
+        if is_binary not in self._separations:
+            kind = ExtremaSeparation if is_binary else SinusoidSeparation
+            self._separations[is_binary] = kind(self.shape)
+        self._separations[is_binary].clear()
+        return self._separations[is_binary]
+
+    def harmonics(self, design: PitchDesign) -> PitchHarmonics:
+        if self._harmonics is None:
+            self._harmonics = PitchHarmonics(design, self.shape)
+        else:
+            self._harmonics.begin(design)
+        return self._harmonics
+
+    def total(self) -> Image:
+        if self._total is None:
+            self._total = np.empty(self.shape, np.float32)
+        self._total.fill(0)
+        return self._total
 
 
 class _Sums:
     """What the frames of one pitch were added to so far."""
 
-    def __init__(
-        self, group: PitchGroup, shape: tuple[int, int, int], with_harmonics: bool
-    ) -> None:
-        self._group = group
-        self._shape = shape
+    def __init__(self, group: PitchGroup, memory: _Memory, *, with_harmonics: bool) -> None:
+        self._group, self._memory = group, memory
         self._sample = FrameSample(group.patterns)
-        binary = group.family.is_binary
-        self._separation = ExtremaSeparation(shape) if binary else SinusoidSeparation(shape)
-        self._harmonics = _harmonics(group, shape) if with_harmonics else None
-        self._total = self._harmonics.total if self._harmonics else np.zeros(shape, np.float32)
+        self._separation = memory.separation(is_binary=group.family.is_binary)
+        self._harmonics = memory.harmonics(_design(group)) if with_harmonics else None
+        self._total = self._harmonics.total if self._harmonics else memory.total()
 
     def add(self, batch: Batch, levels: Sequence[FrameLevels]) -> None:
         """Go over some frames, from each of which something is taken off."""
-        height, width, colours = self._shape
+        height, width, colours = self._memory.shape
         patterns = [frame.pattern for frame in batch.frames]
         self._sample_frames(batch, levels)
         step = max(1, _BLOCK_VALUES // (width * colours))
@@ -146,11 +169,12 @@ class _Sums:
         if self._harmonics is not None:
             self._harmonics.add_lines(block, patterns, lines)
         else:
+            total = self._total[lines]
             for frame in block:
-                self._total[lines] += frame
+                total += frame
 
     def _sample_frames(self, batch: Batch, levels: Sequence[FrameLevels]) -> None:
-        at = lattice(self._shape[:2])
+        at = lattice(self._memory.shape[:2])
         for frame, image, level in zip(batch.frames, batch.images, levels, strict=True):
             pixels = image.values[at].copy()
             level.even(pixels, at, pixels)
@@ -163,19 +187,18 @@ class _Sums:
         # and any change of lamp or gain since.
         complement = lit if group.family.is_binary and not group.is_balanced else None
         try:
-            separation = self._separation.separate(white=complement, leak=leak)
+            found = self._separation.separate(complement, leak, self._memory.room)
         except ValueError as error:
             raise StackError(
                 f"{group.family} at pitch {group.pitch_px} cannot be separated: {error}."
             ) from error
         if lit is not None and not leak:
-            np.subtract(lit, separation.direct_light, out=separation.global_light)
-        mean = self._total / np.float32(len(group.frames))
-        return GatheredPitch(mean, separation, self._sample, self._harmonics)
+            np.subtract(lit, found.direct_light, out=found.global_light)
+        return GatheredPitch(self._total, found, self._sample, self._harmonics)
 
 
-def _harmonics(group: PitchGroup, shape: tuple[int, int, int]) -> PitchHarmonics:
+def _design(group: PitchGroup) -> PitchDesign:
     try:
-        return PitchHarmonics(PitchDesign.of(group.patterns), shape)
+        return PitchDesign.of(group.patterns)
     except ValueError as error:
         raise StackError(f"{error}; `--method iva` takes such sessions.") from error

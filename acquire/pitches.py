@@ -113,7 +113,8 @@ def separate_pitches(
             hear(found.harmonics)
         pitches.append(_write(folder, group, name, _freed(found.separation, left), left))
         if lit is None:
-            share = 2 / (1 + leak) * found.mean / np.float32(len(stack.groups))
+            mean = found.total / np.float32(len(group.frames))
+            share = 2 / (1 + leak) * mean / np.float32(len(stack.groups))
             whole = share if whole is None else whole + share
         else:
             pitches[-1] = _judged(pitches[-1], group, found, lit, stack.saturated)
@@ -183,7 +184,8 @@ def _judged(
     usable = _mask(white, None if saturated is None else saturated[at]) == PixelClass.MEASURED
     if not usable.any():
         return pitch
-    additivity = additivity_error(found.mean[at], white, usable) if group.is_balanced else None
+    mean = found.total[at] / np.float32(len(group.frames))
+    additivity = additivity_error(mean, white, usable) if group.is_balanced else None
     peak = direct_peak(direct, white, usable)
     return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
 

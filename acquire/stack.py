@@ -91,7 +91,8 @@ class Stack(Frames):
             return None
         mean_level = float(np.mean(means))
         spread = float(np.ptp(means)) / 2 / max(abs(mean_level), 1e-6)
-        return Reference(total / np.float32(len(frames)), spread, tuple(levels))
+        total /= np.float32(len(frames))
+        return Reference(total, spread, tuple(levels))
 
     def order(self, frame: FrameRecord) -> int:
         """Place of a frame among all exposures, those included that were taken again."""

@@ -107,11 +107,14 @@ class HarmonicsStack:
     def _close(self, k: int) -> None:
         gathered, design = self._open.pop(k), self.designs[k]
         self._harmonics[k] = gathered.harmonics
+        # A line at a time: what is made on the way stays in the processor's cache.
         if design.is_balanced:
-            self._doubled += 2 * gathered.total
+            for y, total in enumerate(gathered.total):
+                self._doubled[y] += 2 * total
             self._n_doubled += len(design.patterns)
         if design.null is not None:
-            self._power += gathered.null**2
+            for y, null in enumerate(gathered.null):
+                self._power[y] += null**2
             self._n_power += 1
         self._waiting.discard(k)
 

@@ -180,20 +180,22 @@ class PitchHarmonics:
     def __init__(
         self, design: PitchDesign, shape: tuple[int, int, int], out: Image | None = None
     ) -> None:
-        if out is None:
-            out = np.zeros((4, *shape), np.float32)
-        elif out.shape == (4, *shape):
-            out[:] = 0
-        else:
+        if out is not None and out.shape != (4, *shape):
             raise ValueError(f"out has shape {out.shape}, not {(4, *shape)}")
+        self.harmonics = np.empty((4, *shape), np.float32) if out is None else out
+        self.total = np.empty(shape, np.float32)
+        self.null = np.empty(shape, np.float32)
+        self.begin(design)
+
+    def begin(self, design: PitchDesign) -> None:
+        """Begin anew: another pitch, in the memory of the one before."""
+        for sums in (self.harmonics, self.total, self.null):
+            sums.fill(0)
         self.design = design
-        self.harmonics = out
-        self.total = np.zeros(shape, np.float32)
-        self.null = np.zeros(shape, np.float32)
         null = np.zeros(len(design.patterns)) if design.null is None else design.null
         self._weights = np.column_stack([design.weights, null]).astype(np.float32)
         self._index = {pattern: k for k, pattern in enumerate(design.patterns)}
-        self._is_added = np.zeros((len(design.patterns), shape[0]), np.bool_)
+        self._is_added = np.zeros((len(design.patterns), len(self.total)), np.bool_)
 
     @classmethod
     def whole(

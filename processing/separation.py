@@ -55,7 +55,9 @@ class Separation:
 class Separator(Protocol):
     """What has been learnt from the frames of one pitch so far."""
 
-    def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
+    def separate(
+        self, white: Image | None = None, leak: float = 0.0, room: Separation | None = None
+    ) -> Separation:
         """Direct and global light, from the frames added so far.
 
         Parameters
@@ -64,6 +66,8 @@ class Separator(Protocol):
             float32, (height, width, 3), the scene under full light, black subtracted.
         leak
             b in [0, 1). 0 where the frames had a measured black frame subtracted.
+        room
+            One of the frames' shape that is no longer needed: it is written over and returned.
         """
         ...
 
@@ -80,9 +84,16 @@ class ExtremaSeparation:
     """
 
     def __init__(self, shape: tuple[int, int, int]) -> None:
-        self._largest = np.full(shape, -np.inf, np.float32)
-        self._smallest = np.full(shape, np.inf, np.float32)
+        self._largest = np.empty(shape, np.float32)
+        self._smallest = np.empty(shape, np.float32)
         self._n_frames = np.zeros(shape[0], np.int64)
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew: another pitch, in the memory of the one before."""
+        self._largest.fill(-np.inf)
+        self._smallest.fill(np.inf)
+        self._n_frames.fill(0)
 
     def add(self, frame: Image) -> None:
         """Take in one frame, float32, (height, width, 3), black subtracted."""
@@ -104,24 +115,32 @@ class ExtremaSeparation:
         _widen(_flat(frames), largest.reshape(-1), smallest.reshape(-1))
         self._n_frames[lines] += len(frames)
 
-    def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
+    def separate(
+        self, white: Image | None = None, leak: float = 0.0, room: Separation | None = None
+    ) -> Separation:
         """See `Separator.separate`; at least 2 frames are needed."""
         _check_leak(leak)
         n_frames = _of_all_lines(self._n_frames)
         if n_frames < 2:
             raise ValueError(f"max and min need at least 2 frames of a pitch, there are {n_frames}")
+        room = room or _room(self._largest.shape)
+        direct, rest = room.direct_light, room.global_light
         if white is None:
-            direct = self._largest - self._smallest
+            np.subtract(self._largest, self._smallest, out=direct)
             direct /= np.float32(1 - leak)
-            shade = np.float32(leak) * self._largest
-            np.subtract(self._smallest, shade, out=shade)
-            shade *= np.float32(2 / (1 - leak**2))
-            return Separation(direct, shade)
+            np.multiply(np.float32(leak), self._largest, out=rest)
+            np.subtract(self._smallest, rest, out=rest)
+            rest *= np.float32(2 / (1 - leak**2))
+            return room
         _check_image("white", white, self._largest.shape)
-        both = np.float32(1 + leak) * white
-        largest = np.maximum(self._largest, both - self._smallest)
-        direct = (2 * largest - both) / np.float32(1 - leak)
-        return Separation(direct, white - direct)
+        both = np.multiply(np.float32(1 + leak), white, out=rest)
+        np.subtract(both, self._smallest, out=direct)
+        np.maximum(self._largest, direct, out=direct)
+        direct *= 2
+        direct -= both
+        direct /= np.float32(1 - leak)
+        np.subtract(white, direct, out=rest)
+        return room
 
 
 class SinusoidSeparation:
@@ -136,6 +155,11 @@ class SinusoidSeparation:
     def __init__(self, shape: tuple[int, int, int]) -> None:
         self._moments = np.zeros((3, *shape), np.float32)
         self._n_frames: dict[float, NDArray[np.int64]] = {}
+
+    def clear(self) -> None:
+        """Begin anew: another pitch, in the memory of the one before."""
+        self._moments.fill(0)
+        self._n_frames.clear()
 
     def add(self, frame: Image, phase: float) -> None:
         """Take in one frame.
@@ -172,7 +196,9 @@ class SinusoidSeparation:
             )
             counts[lines] += 1
 
-    def separate(self, white: Image | None = None, leak: float = 0.0) -> Separation:
+    def separate(
+        self, white: Image | None = None, leak: float = 0.0, room: Separation | None = None
+    ) -> Separation:
         """See `Separator.separate`; at least 3 advances that differ modulo 2π are needed."""
         _check_leak(leak)
         n_frames = {phase: _of_all_lines(counts) for phase, counts in self._n_frames.items()}
@@ -188,11 +214,20 @@ class SinusoidSeparation:
         solution = inverse(normal).astype(np.float32)
         first, second, third = self._moments
         mean, cosine, sine = (a * first + b * second + c * third for a, b, c in solution)
-        direct = hypot(cosine, sine) * np.float32(2 / (1 - leak))
+        room = room or _room(mean.shape)
+        direct = room.direct_light
+        np.multiply(hypot(cosine, sine), np.float32(2 / (1 - leak)), out=direct)
         if white is None:
-            return Separation(direct, mean * np.float32(2 / (1 + leak)) - direct)
-        _check_image("white", white, self._moments.shape[1:])
-        return Separation(direct, white - direct)
+            mean *= np.float32(2 / (1 + leak))
+            white = mean
+        else:
+            _check_image("white", white, mean.shape)
+        np.subtract(white, direct, out=room.global_light)
+        return room
+
+
+def _room(shape: tuple[int, ...]) -> Separation:
+    return Separation(np.empty(shape, np.float32), np.empty(shape, np.float32))
 
 
 def _check_image(name: str, image: Image, shape: tuple[int, ...]) -> None:
