@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -19,7 +20,10 @@ from drivers.media import PICTURE_TYPES
 from drivers.picture import decode_picture
 from drivers.raw import decode_raw
 
-DECODERS = 2
+# Threads that decode: one a core, up to so many that what they hold stays below half a gigabyte.
+DECODERS = min(get_num_threads(), 6)
+# Frames decoded ahead where each takes new memory.
+_AHEAD = 2
 # So many frames are taken in at a time, and fewer where they have more values than this together.
 _BATCH_FRAMES = 4
 _BATCH_VALUES = 100_000_000
@@ -105,10 +109,10 @@ class Frames:
     def images(self, frames: Iterable[FrameRecord]) -> Iterator[tuple[FrameRecord, LinearImage]]:
         """Decode frames in order, the next ones already while one is in use."""
         waiting: deque[tuple[FrameRecord, Future[LinearImage]]] = deque()
-        with ThreadPoolExecutor(DECODERS, thread_name_prefix="decode") as decoders:
+        with ThreadPoolExecutor(_AHEAD, thread_name_prefix="decode") as decoders:
             for frame in frames:
                 waiting.append((frame, decoders.submit(self._decode, frame)))
-                if len(waiting) > DECODERS:
+                if len(waiting) > _AHEAD:
                     yield self._note(*waiting.popleft())
             while waiting:
                 yield self._note(*waiting.popleft())
