@@ -177,7 +177,8 @@ def chosen(
 ) -> Image:
     """Components where regions are given and pixels without direct light are known."""
     white = np.where(run.mask[..., np.newaxis], np.maximum(run.stack.white(), 0), 0)
-    parts = rivals.chosen(found, run.mask, white).components
+    colours = [rivals.colour(found, run.mask, white, k) for k in range(white.shape[2])]
+    parts = np.stack([one.components for one in colours], axis=-1)
     parts[2, ~lit] += parts[0, ~lit]
     parts[0, ~lit] = 0
     return parts

@@ -47,7 +47,7 @@ def captures(name: str, baseline: str, cache: Path, conditions: list[str]) -> di
     found = {}
     rendered: dict[float, Rendered] = {}
     for condition in conditions:
-        kept = cache / f"{name}-{baseline}-{condition}.pickle"
+        kept = kept_in(cache, name, baseline, condition)
         if not kept.exists():
             _, projected_px, _ = CONDITIONS[condition]
             if projected_px not in rendered:
@@ -56,6 +56,11 @@ def captures(name: str, baseline: str, cache: Path, conditions: list[str]) -> di
             kept.write_bytes(pickle.dumps(captured(rendered[projected_px], condition)))
         found[condition] = pickle.loads(kept.read_bytes())  # noqa: S301 (its own cache)
     return found
+
+
+def kept_in(cache: Path, name: str, baseline: str, condition: str) -> Path:
+    """The file of a capture."""
+    return cache / f"{name}-{baseline}-{condition}.pickle"
 
 
 def rendered_scene(name: str, baseline: str, projected_px: float = 0.0) -> Rendered:

@@ -16,8 +16,8 @@ from benchmarks.solids import (
     View,
 )
 
-# On the first settings of the method were chosen and its errors calibrated. Wax, fruit and shelf
-# were looked at when the signs of translucency were chosen; on soap nothing was.
+# On the first settings of the method were chosen. Wax, fruit and shelf were looked at when the
+# signs of translucency were chosen; on soap nothing was. Errors are calibrated on all of them.
 TUNED_ON = ("occluder", "ball", "glossy", "clutter")
 HELD_OUT = ("wax", "fruit", "shelf", "soap")
 BASELINES = {"small": 0.25, "large": 0.9}

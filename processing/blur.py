@@ -27,7 +27,7 @@ _AGREEMENT_PX2 = 1.0
 # However small a footprint, this share of the typical variance is left.
 _LEAST_SHARE = 0.1
 # A uniform pixel's variance a side.
-_PIXEL_PX2 = 1 / 12
+PIXEL_PX2 = 1 / 12
 # Modes of bins are good to this; the camera's part is within this of a pixel's where nothing else
 # is known.
 _MODE_ERROR_PX2 = 0.05
@@ -211,7 +211,7 @@ def _rise(sizes: Array, variances: Array, blur: Blur) -> tuple[float, float]:
     )
     at = np.array([np.median(sizes[part]) for part in order])
     found = np.array([shorth(variances[part]) for part in order])
-    expected = min(_PIXEL_PX2, blur.side_px2 / blur.footprint_px2) - blur.camera_px2
+    expected = min(PIXEL_PX2, blur.side_px2 / blur.footprint_px2) - blur.camera_px2
     design = np.stack([np.ones_like(at), at], axis=1) / _MODE_ERROR_PX2
     rows = np.vstack([design, [0.0, 1 / _CAMERA_ERROR_PX2]])
     values = np.append(found / _MODE_ERROR_PX2, expected / _CAMERA_ERROR_PX2)

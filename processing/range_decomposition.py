@@ -137,7 +137,7 @@ def assemble(
     """
     mask = capture.mask
     lit = np.where(mask[..., np.newaxis], np.maximum(capture.white, 0), 0)
-    light = fits.chosen(found, mask, lit)
+    light = fits.chosen(found, mask, lit, capture.blur)
     # A step makes views where a list of indices would copy.
     step = 1 if found.any() else 2
     spaced = lattice(mask.shape)

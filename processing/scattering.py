@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from processing.account_fit import AccountFit
-from processing.blur import shorth
+from processing.blur import Blur, shorth
 from processing.near_light import NearLight
-from processing.stated_errors import model_errors, signs
+from processing.stated_errors import defocus_px2, model_errors, signs
 
 Image = NDArray[np.float32]
 
@@ -139,7 +139,11 @@ class RivalFits:
         self.gain[rows, columns] = 0
 
     def chosen(
-        self, found: NDArray[np.bool_], mask: NDArray[np.bool_], white: Image
+        self,
+        found: NDArray[np.bool_],
+        mask: NDArray[np.bool_],
+        white: Image,
+        blur: Sequence[Blur],
     ) -> ChosenLight:
         """Components and their errors.
 
@@ -151,13 +155,15 @@ class RivalFits:
             bool, (height, width): what was fitted.
         white
             float32, (height, width, colours), what the components add up to, ≥ 0.
+        blur
+            Of each colour.
         """
         light = ChosenLight(*(np.zeros((3, *white.shape), np.float32) for _ in range(3)))
         for colour in range(white.shape[2]):
             one = self.colour(found, mask, white, colour)
             light.components[..., colour] = one.components
             light.noise_errors[..., colour] = one.noise_errors
-            light.model_errors[..., colour] = model_errors(one.signs)
+            light.model_errors[..., colour] = model_errors(one.signs, defocus_px2(blur[colour]))
         return light
 
     def colour(
