@@ -11,8 +11,8 @@ from acquire.result import DriftRecord, PitchRecord
 from acquire.session import Session
 from acquire.session.records import Caution
 from calibration.projector import measure_leak
-from processing.drift import Course
-from processing.optical_contrast import USABLE
+from processing.frames.drift import Course
+from processing.frames.optical_contrast import USABLE
 
 WARNED_SPREAD = 0.01
 WARNED_ADDITIVITY = 0.02

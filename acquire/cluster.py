@@ -25,11 +25,11 @@ from acquire.references import Levels
 from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.stack import Stack
-from processing.drift import Drift
-from processing.frame_noise import FrameSample
-from processing.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.drift import Drift
+from processing.frames.frame_noise import FrameSample
+from processing.frames.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.separation import Separation
 from processing.patterns import Pattern
-from processing.separation import Separation
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from acquire.blanking import Unusable
 from acquire.pitches import SeparatedPitches
 from acquire.result import FrameNoiseRecord, PitchRecord, PixelClass, read_tiff, write_tiff
-from processing.elementary import hypot
-from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
-from processing.noise_bias import Correction, extrema_correction, measured_kinds
-from processing.optical_contrast import OpticalContrast
+from processing.frames.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.frames.noise_bias import Correction, extrema_correction, measured_kinds
+from processing.frames.optical_contrast import OpticalContrast
+from processing.frames.single_pitch import Estimate, amplitude_estimate, extrema_estimate
+from processing.numerics.elementary import hypot
 from processing.patterns import balanced
-from processing.single_pitch import Estimate, amplitude_estimate, extrema_estimate
 
 
 class Observer(Protocol):

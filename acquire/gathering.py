@@ -20,13 +20,13 @@ from acquire.errors import StackError
 from acquire.frames import Batch
 from acquire.references import FrameLevels, Levels
 from acquire.stack import PitchGroup, Stack
-from processing.frame_noise import FrameSample, lattice
-from processing.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.frame_noise import FrameSample, lattice
+from processing.frames.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.separation import ExtremaSeparation, Separation, SinusoidSeparation
 from processing.patterns import Pattern
-from processing.separation import ExtremaSeparation, Separation, SinusoidSeparation
 
 # Values of the lines of a frame that are worked on at a time: with four frames and what they are
-# added to, as in `processing.rows`, two to three megabytes.
+# added to, as in `processing.numerics.rows`, two to three megabytes.
 _BLOCK_VALUES = 1 << 16
 Image = NDArray[np.float32]
 

@@ -19,11 +19,11 @@ from acquire.result import MixingRecord, PixelClass
 from acquire.session import Session
 from acquire.session.folder import storage
 from acquire.session.records import Caution
-from processing.decomposition import decompose_iva
-from processing.gathering import HarmonicsStack
-from processing.harmonics import PitchHarmonics
+from processing.frames.gathering import HarmonicsStack
+from processing.frames.harmonics import PitchHarmonics
+from processing.independence.decomposition import decompose_iva
 from processing.patterns import Family, Pattern
-from processing.ranges import decompose_ranges
+from processing.ranges.decomposition import decompose_ranges
 from processing.remarks import Remark
 
 Image = NDArray[np.float32]
@@ -102,7 +102,7 @@ class Method(Protocol):
 
 
 class Iva:
-    """Independent vector analysis, as in the paper (see `processing.decomposition`)."""
+    """Independent vector analysis, as in the paper; see `processing.independence.decomposition`."""
 
     def __init__(
         self, n_components: int | None, n_iterations: int, smoothing_px: float | None
@@ -173,7 +173,7 @@ class Iva:
 
 
 class Ranges:
-    """By the range over which light travelled (see `processing.ranges`).
+    """By the range over which light travelled (see `processing.ranges.decomposition`).
 
     Parks 4 images a pitch in the result folder while it works.
     """

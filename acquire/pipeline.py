@@ -40,7 +40,7 @@ from acquire.session import Session
 from acquire.session.records import Caution
 from acquire.stack import Stack
 from drivers.image import Demosaic
-from processing.frame_noise import FrameNoise
+from processing.frames.frame_noise import FrameNoise
 from processing.patterns import Family
 
 OWN_NUMBER = Caution(

@@ -16,11 +16,11 @@ from acquire.references import References
 from acquire.result import MaskRecord, PitchRecord, PixelClass, write_tiff
 from acquire.session.folder import storage
 from acquire.stack import PitchGroup, Stack
-from processing.frame_noise import FrameSample, lattice
-from processing.harmonics import PitchHarmonics
-from processing.optical_contrast import USABLE, OpticalContrast
-from processing.separation import Separation
-from processing.soundness import additivity_error, direct_peak, resolved_pitches
+from processing.frames.frame_noise import FrameSample, lattice
+from processing.frames.harmonics import PitchHarmonics
+from processing.frames.optical_contrast import USABLE, OpticalContrast
+from processing.frames.separation import Separation
+from processing.frames.soundness import additivity_error, direct_peak, resolved_pitches
 
 UNLIT_FRACTION = 0.01
 BRIGHT_PERCENTILE = 99.5
@@ -95,8 +95,8 @@ def separate_pitches(
         Called with the harmonics of each pitch, where the gatherer brings them.
     contrast
         What the optics leave of patterns: direct light is divided by it. Pitches of which less
-        than `processing.optical_contrast.USABLE` is left are not resolved; without it, the scene
-        itself tells.
+        than `processing.frames.optical_contrast.USABLE` is left are not resolved; without it, the
+        scene itself tells.
     """
     lit = references.levels.lit
     with storage(folder):

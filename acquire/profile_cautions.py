@@ -11,7 +11,7 @@ from acquire.pitches import SeparatedPitches
 from acquire.profile_use import Profiles
 from acquire.result import PixelClass
 from acquire.session.records import Caution
-from processing.frame_noise import FrameNoise
+from processing.frames.frame_noise import FrameNoise
 
 # Of superpixels: what is interpolated has another noise and another blur.
 SUPERPIXEL_KINDS = frozenset({"noise", "board"})

@@ -29,9 +29,9 @@ from acquire.profile_file import (
 from acquire.session import Session
 from acquire.session.folder import storage, write_durably
 from acquire.session.store import PROFILES
-from processing.blur import Blur
-from processing.frame_noise import FrameNoise
-from processing.optical_contrast import OpticalContrast
+from processing.frames.frame_noise import FrameNoise
+from processing.frames.optical_contrast import OpticalContrast
+from processing.ranges.blur import Blur
 
 # Kinds that change how a session is processed.
 PROCESSED = ("dark", "noise", "leak", "board")

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from acquire.result import DriftRecord
 from acquire.session import Session
 from acquire.stack import Reference, Stack
-from processing.drift import Course, Drift, measure_drift
-from processing.frame_noise import lattice
+from processing.frames.drift import Course, Drift, measure_drift
+from processing.frames.frame_noise import lattice
 from processing.patterns import Family
 
 Image = NDArray[np.float32]

@@ -35,7 +35,7 @@ from acquire.profile_file import ProfileSummary
 from acquire.session.folder import read_plain, storage, write_durably
 from acquire.session.records import Caution, RunRecord, Sha256, SourceRecord
 from acquire.validation import StrictModel, explain
-from processing.drift import Course
+from processing.frames.drift import Course
 from processing.patterns import Family
 
 RECORD = "result.json"
@@ -59,8 +59,8 @@ class PixelClass(IntEnum):
 class PitchRecord(StrictModel):
     """The separation at one pitch of one family of patterns.
 
-    `additivity_error` and `direct_peak` as in `processing.soundness`, None where there was no
-    white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
+    `additivity_error` and `direct_peak` as in `processing.frames.soundness`, None where there was
+    no white frame (or, for the first, no balanced set of shifts); pitches that are not `resolved`
     take no part in the decomposition. `corrected` is direct light freed from the bias of noise,
     `deviation` its standard error; None where the noise is unknown. `contrast`: what camera and
     projector leave of the pattern in each colour, by a board; where the pitch is resolved, direct
@@ -217,7 +217,7 @@ class DriftRecord(StrictModel):
 class FrameNoiseRecord(StrictModel):
     """Variance of a frame's noise in each colour: in the dark, and its rise with light.
 
-    In fractions of full scale; `processing.frame_noise.FrameNoise`.
+    In fractions of full scale; `processing.frames.frame_noise.FrameNoise`.
     """
 
     constant: tuple[float, ...]

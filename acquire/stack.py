@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from acquire.errors import StackError
 from acquire.frames import Frames, Reading
 from acquire.session import FrameRecord, Session
-from processing.drift import Level
-from processing.frame_noise import lattice
+from processing.frames.drift import Level
+from processing.frames.frame_noise import lattice
 from processing.patterns import Family, Pattern, balanced
 
 

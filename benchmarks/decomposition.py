@@ -31,10 +31,10 @@ from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
-from processing.correspondence import decode
-from processing.decomposition import decompose_iva
-from processing.gathering import HarmonicsStack
-from processing.gradients import gradient_samples
+from processing.frames.gathering import HarmonicsStack
+from processing.frames.separation import ExtremaSeparation
+from processing.independence.decomposition import decompose_iva
+from processing.independence.gradients import gradient_samples
 from processing.metrics import (
     best_assignment,
     errors_of,
@@ -42,13 +42,13 @@ from processing.metrics import (
     relative_error,
     relative_error_with_gains,
 )
-from processing.optics import Sample, measured_blur, tables_for
 from processing.patterns import Family
-from processing.range_decomposition import RangeDecomposition
-from processing.ranges import decompose_ranges
-from processing.response import BINS_PER_PX, ResponseTables
-from processing.separation import ExtremaSeparation
-from processing.slopes import slopes
+from processing.ranges.correspondence import decode
+from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.optics import Sample, measured_blur, tables_for
+from processing.ranges.response import BINS_PER_PX, ResponseTables
+from processing.ranges.result import RangeDecomposition
+from processing.ranges.slopes import slopes
 
 Image = NDArray[np.float32]
 

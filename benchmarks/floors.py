@@ -38,16 +38,17 @@ from benchmarks.rendered_captures import (
 )
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON, scenery
 from benchmarks.rendering import RenderedParts
-from processing.accounts import opaque, spread_grid, translucent
-from processing.blur import Blur
-from processing.footprints import footprints
+from processing.frames.noise_lines import noise_lines
 from processing.metrics import errors_of, oracle, relative_error
-from processing.optics import BOX_MARGIN, noise_lines, tables_for
-from processing.range_fit import PlaceFit
-from processing.ranges import decompose_ranges
-from processing.response import ResponseTables
-from processing.scattering import RivalFits
-from processing.slopes import slope_noise_gain
+from processing.ranges.accounts import opaque, spread_grid, translucent
+from processing.ranges.blur import Blur
+from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.footprints import footprints
+from processing.ranges.optics import BOX_MARGIN, tables_for
+from processing.ranges.pixels import PlaceFit
+from processing.ranges.response import ResponseTables
+from processing.ranges.scattering import RivalFits
+from processing.ranges.slopes import slope_noise_gain
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]

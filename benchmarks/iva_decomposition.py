@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.raw_decoding import seconds
 from processing.auxiva import auxiva
-from processing.decomposition import decompose_iva
+from processing.independence.decomposition import decompose_iva
 
 Image = NDArray[np.float32]
 TARGET = 20.0

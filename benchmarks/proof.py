@@ -28,7 +28,7 @@ from acquire.recording import record
 from acquire.session import Session
 from benchmarks.mishaps import Witness, watched
 from benchmarks.trials import Trial, trial
-from processing.finding import Finding
+from processing.proof.finding import Finding
 
 LEAST_VISIBLE = 5.0
 OUTCOMES = ("found", "missed", "missed unseen", "invisible", "accused", "good", "good unseen")

@@ -22,10 +22,10 @@ from acquire.session import Transfer
 from benchmarks.raw_decoding import compressed, photograph, unpack
 from drivers.protocols import CameraSettings
 from drivers.sim.dng import MEDIA_TYPE, encode_dng
-from processing.kind import Kind
-from processing.parts import Parts
-from processing.sample_noise import SampleNoise
-from processing.showing import judge
+from processing.proof.kind import Kind
+from processing.proof.parts import Parts
+from processing.proof.sample_noise import SampleNoise
+from processing.proof.showing import judge
 
 ROUNDS = 9
 FRAME_S = 1.2

@@ -17,9 +17,9 @@ from benchmarks.decomposition import Captured
 from benchmarks.rendered_scenes import scenery
 from benchmarks.rendering import Rendered, RenderedParts, render, render_parts
 from benchmarks.solids import Scenery
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
+from processing.frames.separation import ExtremaSeparation
 from processing.patterns import Pattern
-from processing.separation import ExtremaSeparation
 
 Image = NDArray[np.float32]
 

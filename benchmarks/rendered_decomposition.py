@@ -21,8 +21,8 @@ from benchmarks.decomposition import Captured
 from benchmarks.rendered_captures import CONDITIONS, captures
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
 from processing.metrics import errors_of, oracle, relative_error
-from processing.range_decomposition import RangeDecomposition
-from processing.ranges import decompose_ranges
+from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.result import RangeDecomposition
 
 Image = NDArray[np.float32]
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from benchmarks.light_paths import RANGE_EDGES_PX, trace
 from benchmarks.solids import Scenery, solid_table
-from processing.harmonics import PitchDesign
+from processing.frames.harmonics import PitchDesign
 from processing.patterns import Pattern
 
 Image = NDArray[np.float32]
@@ -89,7 +89,7 @@ class RenderedParts:
     ----------
     harmonics
         complex64, (3, pitches, 2, height, width, 3): Z⁺ and Z⁻ of each kind (`KINDS`), constant
-        light subtracted, see `processing.harmonics`.
+        light subtracted, see `processing.frames.harmonics`.
     truth
         float32, (3, height, width, 3).
     ranges
@@ -98,7 +98,8 @@ class RenderedParts:
         (`benchmarks.light_paths.RANGE_EDGES_PX`).
     lit_px, seen_px
         float64, (2, height, width): mean y and x of where direct light arrives, and of what the
-        pixel sees, shadows or not, in the unit of `processing.correspondence`; NaN for nowhere.
+        pixel sees, shadows or not, in the unit of `processing.ranges.correspondence`; NaN for
+        nowhere.
     """
 
     harmonics: NDArray[np.complex64]

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.session import FULL_WELL_E, PROJECTOR_PX, Scenery
-from processing.decomposition import decompose_iva
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
+from processing.frames.separation import ExtremaSeparation
+from processing.independence.decomposition import decompose_iva
 from processing.patterns import Family, Pattern, shift_grid
-from processing.ranges import decompose_ranges
-from processing.separation import ExtremaSeparation
+from processing.ranges.decomposition import decompose_ranges
 
 Image = NDArray[np.float32]
 PITCHES_PX = tuple(range(8, 97, 4))

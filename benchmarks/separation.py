@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from processing.separation import ExtremaSeparation
+from processing.frames.separation import ExtremaSeparation
 
 Shape = tuple[int, int, int]
 

@@ -20,11 +20,11 @@ from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
-from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
-from processing.noise_bias import extrema_correction, measured_kinds
+from processing.frames.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.frames.noise_bias import extrema_correction, measured_kinds
+from processing.frames.separation import ExtremaSeparation
+from processing.frames.single_pitch import Estimate, extrema_estimate
 from processing.patterns import Family, Pattern, shift_grid
-from processing.separation import ExtremaSeparation
-from processing.single_pitch import Estimate, extrema_estimate
 
 Image = NDArray[np.float32]
 SETTINGS = CameraSettings(exposure_s=0.1, aperture=8.0, iso=200)

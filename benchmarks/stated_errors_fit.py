@@ -1,4 +1,4 @@
-"""Makes the coefficients of `processing.stated_errors` again from path-traced scenes.
+"""Makes the coefficients of `processing.ranges.stated_errors` again from path-traced scenes.
 
     python -m benchmarks.stated_errors_fit --cache DIR
 
@@ -7,7 +7,7 @@ that DIR holds; nothing is rendered. For each component the coefficients minimis
 at a quantile of log |error|, every capture with the same weight. What they are worth is told by
 leaving out one scene at a time: the share of pixels within the error, on a scene that the
 coefficients do not know, is printed for each capture. There is no chance in it: the same captures
-make the same numbers, which are those of `processing.stated_errors`.
+make the same numbers, which are those of `processing.ranges.stated_errors`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from scipy.optimize import Bounds, minimize
 
 from benchmarks.rendered_captures import captures, kept_in
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
-from processing.range_decomposition import NAMES
-from processing.ranges import fit_ranges
-from processing.stated_errors import COEFFICIENTS, SIGNS, defocus_px2
+from processing.ranges.decomposition import fit_ranges
+from processing.ranges.result import NAMES
+from processing.ranges.stated_errors import COEFFICIENTS, SIGNS, defocus_px2
 
 Array = NDArray[np.float64]
 

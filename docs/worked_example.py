@@ -21,12 +21,12 @@ from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulationConfig, build
-from processing.decomposition import decompose_iva
-from processing.gathering import HarmonicsStack
+from processing.independence.decomposition import decompose_iva
+from processing.frames.gathering import HarmonicsStack
 from processing.metrics import relative_error
 from processing.patterns import Family, Pattern, shift_grid
-from processing.ranges import decompose_ranges
-from processing.separation import ExtremaSeparation
+from processing.ranges.decomposition import decompose_ranges
+from processing.frames.separation import ExtremaSeparation
 
 mpl.use("agg")
 from matplotlib import pyplot as plt

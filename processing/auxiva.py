@@ -27,7 +27,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.linear_algebra import log_determinant, product, solved
+from processing.numerics.linear_algebra import log_determinant, product, solved
 
 _FLOOR_ONE_COLOR = 1e-2
 _GUARD = 1e-12

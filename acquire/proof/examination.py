@@ -11,11 +11,11 @@ from acquire.proof.samples import FrameSamples
 from acquire.proof.units import FAMILIES, Unit, units_of
 from acquire.proof.white_black import LOOKED_AT, WhiteBlack, partitions_of, window_noise
 from acquire.session import FrameRecord
-from processing.finding import Finding
 from processing.patterns import Family
-from processing.references import Reference, at_once, both_show, later_reference
-from processing.registration import movement
-from processing.showing import COMPUTED_NOISE
+from processing.proof.finding import Finding
+from processing.proof.references import Reference, at_once, both_show, later_reference
+from processing.proof.registration import movement
+from processing.proof.showing import COMPUTED_NOISE
 
 # Light that a frame of white has and one of black has not, in parts of the sensor's range.
 BRIGHT_FROM = 0.2

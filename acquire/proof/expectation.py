@@ -1,10 +1,10 @@
 """What a frame should look like, from what was captured before it.
 
-The prediction is the proof's (`processing.prediction`): a frame is the mean of white and black
-plus what the frames of its own pitch say about it by the covariance of their codes. With the
+The prediction is the proof's (`processing.proof.prediction`): a frame is the mean of white and
+black plus what the frames of its own pitch say about it by the covariance of their codes. With the
 complement it is exact whatever the scene is; with a few neighbours in shift only a known part of
-its contrast is. Before any of them a geometry profile tells which projector pixel each camera
-pixel sees: then direct light is drawn and all other light is left out.
+its contrast is. Before any of them a geometry profile tells which projector pixel each camera pixel
+sees: then direct light is drawn and all other light is left out.
 
 Everything is done on pictures reduced by averaging, which commutes with prediction.
 """
@@ -23,7 +23,7 @@ from acquire.plan import Plan
 from acquire.proof.units import Unit, units_of
 from acquire.session import FrameRecord
 from processing.patterns import Family
-from processing.prediction import COMPLEMENT, pattern_covariance, weights_for
+from processing.proof.prediction import COMPLEMENT, pattern_covariance, weights_for
 
 SIDE_PX = 512
 MOST_HELD = 48

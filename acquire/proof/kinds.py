@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from acquire.plan import Plan
 from acquire.proof.units import Unit
 from processing.patterns import Family, Pattern
-from processing.phases import Phases
-from processing.prediction import pattern_covariance
+from processing.proof.phases import Phases
+from processing.proof.prediction import pattern_covariance
 
 LARGEST_PROJECTOR_PX = 2400, 4096
 

@@ -12,13 +12,13 @@ from acquire.proof.kinds import Codes
 from acquire.proof.records import FrameProof, figure, plain_proof, rounded
 from acquire.proof.units import Unit
 from acquire.proof.white_black import LOOKED_AT, WhiteBlack, partitions_of, window_noise
-from processing.finding import Finding, Judgement
-from processing.kind import Kind
-from processing.prediction import complements
-from processing.references import Reference, contradicted
-from processing.registration import movement
-from processing.sample_noise import SampleNoise
-from processing.showing import judge
+from processing.proof.finding import Finding, Judgement
+from processing.proof.kind import Kind
+from processing.proof.prediction import complements
+from processing.proof.references import Reference, contradicted
+from processing.proof.registration import movement
+from processing.proof.sample_noise import SampleNoise
+from processing.proof.showing import judge
 
 FEWEST_PLACES = 50
 # Findings of frames that say nothing of what their complement lights.

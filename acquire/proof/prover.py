@@ -22,7 +22,7 @@ from acquire.proof.units import Unit
 from acquire.session import FrameRecord, Session, Transfer
 from acquire.session.log import Kind
 from drivers.errors import DecodeError
-from processing.finding import Finding
+from processing.proof.finding import Finding
 
 RETAKES = 3
 # Exposures in a row that cannot be what they should be, after which the capture stops.

@@ -15,7 +15,7 @@ from acquire.session.folder import append_durably, read_plain, storage, whole_by
 from acquire.session.records import MAX_ATTEMPTS
 from acquire.session.store import PROOF
 from acquire.validation import StrictModel, explain
-from processing.finding import Finding
+from processing.proof.finding import Finding
 
 MAX_BYTES = 256 << 20
 # Part of the picture that is told to be dark where it should be lit.

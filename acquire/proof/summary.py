@@ -9,7 +9,7 @@ from acquire.proof.records import FrameProof, read_proofs
 from acquire.proof.verdict import verdict
 from acquire.result import PitchRecord, ProofRecord
 from acquire.session import Session
-from processing.finding import Finding
+from processing.proof.finding import Finding
 
 
 def proof_of(session: Session) -> ProofRecord | None:

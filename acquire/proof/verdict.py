@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from acquire.proof.records import SHADED_AT, FrameProof
 from acquire.session import Session
-from processing.drift import Course, Trace
+from processing.frames.drift import Course, Trace
 from processing.patterns import Family
 
 DRIFT_AT = 0.01

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquire.proof.samples import FrameSamples
-from processing.noise import noise_deviation
-from processing.parts import Parts
-from processing.sample_noise import SampleNoise, noise_through
+from processing.frames.noise import noise_deviation
+from processing.proof.parts import Parts
+from processing.proof.sample_noise import SampleNoise, noise_through
 
 # Parts of the bright level (99th percentile): what is darker is not lit, or not looked at.
 UNLIT = 0.01

@@ -19,7 +19,7 @@ from acquire.rig.bench import Resumption
 from acquire.session import Session, Transfer
 from acquire.session.records import SourceRecord
 from drivers.protocols import Devices, Projector, Raster
-from processing.drift import Course
+from processing.frames.drift import Course
 from tests.acquire.captures import Notes, captured, small_bench, small_plan
 from tests.acquire.test_pipeline import Silent
 

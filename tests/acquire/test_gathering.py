@@ -14,9 +14,9 @@ from acquire.gathering import LocalGatherer
 from acquire.references import read_references
 from acquire.session import Session
 from acquire.stack import PitchGroup, Stack
-from processing.frame_noise import FrameSample
-from processing.harmonics import PitchDesign, PitchHarmonics
-from processing.separation import ExtremaSeparation
+from processing.frames.frame_noise import FrameSample
+from processing.frames.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.separation import ExtremaSeparation
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan(

@@ -13,7 +13,7 @@ from acquire.rig import find_bench
 from acquire.sequencer import Outcome
 from acquire.session import Session
 from acquire.session.verification import problems
-from processing.finding import Finding
+from processing.proof.finding import Finding
 from tests.acquire.captures import Notes, captured, recorded_bytes, small_bench, small_plan
 from tests.acquire.faults import Faults, with_faults
 from tests.raws import counts

@@ -62,7 +62,7 @@ def test_no_compiled_loop_may_be_reordered() -> None:
     (folder,) = processing.__path__
     named = [
         (path.name, node.lineno)
-        for path in sorted(Path(folder).glob("*.py"))
+        for path in sorted(Path(folder).rglob("*.py"))
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.keyword) and node.arg == "fastmath"
     ]

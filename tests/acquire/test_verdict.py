@@ -11,7 +11,7 @@ from acquire.errors import ProofError
 from acquire.proof import examine, proof_of, read_proofs, verdict
 from acquire.sequencer import Outcome
 from acquire.session import Session
-from processing.finding import Finding
+from processing.proof.finding import Finding
 from tests.acquire.captures import Notes, captured, small_bench, small_plan
 
 PLAN = small_plan(

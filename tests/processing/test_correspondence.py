@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.correspondence import decode
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
 from processing.patterns import Family, Pattern
-from processing.response import ResponseTables
+from processing.ranges.correspondence import decode
+from processing.ranges.response import ResponseTables
 from tests.processing.light import PROJECTOR_PX, Scene, checkers, slanted, waves
 
 SHAPE = (24, 30)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.decomposition import decompose_iva
+from processing.independence.decomposition import decompose_iva
 from processing.metrics import best_assignment, relative_error
 from tests.processing.conftest import Mixture
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
 from processing.patterns import Family, Pattern
-from processing.ranges import decompose_ranges
+from processing.ranges.decomposition import decompose_ranges
 from tests.processing.light import PROJECTOR_PX, Scene, checkers, slanted
 
 SHAPE = (24, 32)

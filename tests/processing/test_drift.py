@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.drift import Course, Drift, Level, measure_drift
+from processing.frames.drift import Course, Drift, Level, measure_drift
 
 RNG = np.random.default_rng(17)
 SHAPE = (40, 50, 3)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from processing import elementary
+from processing.numerics import elementary
 
 Array = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.gradients import gradient_samples
-from processing.noise import noise_deviation
-from processing.pca import principal_components
-from processing.rows import combine
-from processing.smoothing import choose_smoothing
-from processing.strata import sample_stride, stratified
-from processing.whitening import whitening
+from processing.frames.noise import noise_deviation
+from processing.independence.gradients import gradient_samples
+from processing.independence.pca import principal_components
+from processing.independence.smoothing import choose_smoothing
+from processing.independence.whitening import whitening
+from processing.numerics.rows import combine
+from processing.numerics.strata import sample_stride, stratified
 from tests.processing.conftest import Mixture
 
 SHAPE = (40, 50)

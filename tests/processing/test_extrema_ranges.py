@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from processing.extrema_ranges import decompose_extrema
+from processing.frames.separation import ExtremaSeparation
 from processing.metrics import relative_error
 from processing.patterns import Family, Pattern
-from processing.separation import ExtremaSeparation
+from processing.ranges.extrema import decompose_extrema
 from tests.processing.light import PITCHES_PX, Scene, checkers, slanted
 
 SHAPE = (40, 48)

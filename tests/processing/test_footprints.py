@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.blur import Blur
-from processing.footprints import footprints
-from processing.gathering import HarmonicsStack
-from processing.response import ResponseTables
+from processing.frames.gathering import HarmonicsStack
+from processing.ranges.blur import Blur
+from processing.ranges.footprints import footprints
+from processing.ranges.response import ResponseTables
 from tests.processing.light import PROJECTOR_PX, checkers, slanted
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.gathering import HarmonicsStack
-from processing.harmonics import PitchDesign, PitchHarmonics
+from processing.frames.gathering import HarmonicsStack
+from processing.frames.harmonics import PitchDesign, PitchHarmonics
 from processing.patterns import Family, Pattern
 from tests.processing.light import PROJECTOR_PX, checkers, waves
 

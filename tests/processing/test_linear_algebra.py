@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.linear_algebra import (
+from processing.numerics.linear_algebra import (
     inner,
     inverse,
     least_squares,

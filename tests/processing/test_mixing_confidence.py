@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from processing.account_fit import AccountFit
-from processing.accounts import opaque, translucent
-from processing.decomposition import decompose_iva
-from processing.jackknife import half_width, tiles
-from processing.mean_mixing import mean_mixing
+from processing.independence.decomposition import decompose_iva
+from processing.numerics.jackknife import half_width, tiles
+from processing.ranges.account_fit import AccountFit
+from processing.ranges.accounts import opaque, translucent
+from processing.ranges.mean_mixing import mean_mixing
 from tests.processing.conftest import HEIGHT, WIDTH, Mixture, patches
 
 PITCHES_PX = np.array([8.0, 16.0, 32.0])

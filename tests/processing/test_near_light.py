@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.gathering import HarmonicsStack
-from processing.near_light import NearLight
+from processing.frames.gathering import HarmonicsStack
 from processing.patterns import Family, Pattern, shift_grid
-from processing.response import ResponseTables
-from processing.scattering import Signs, translucent_map
-from processing.slopes import told_of_blur
+from processing.ranges.near_light import NearLight
+from processing.ranges.response import ResponseTables
+from processing.ranges.scattering import Signs, translucent_map
+from processing.ranges.slopes import told_of_blur
 from tests.processing.light import PITCHES_PX, PROJECTOR_PX, checkers
 
 SPREAD_PX = 10.0

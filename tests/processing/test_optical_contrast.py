@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from processing.optical_contrast import OpticalContrast
+from processing.frames.optical_contrast import OpticalContrast
 from processing.patterns import Family, Pattern, shift_grid
 
 PITCHES = np.array([4.0, 8.0, 16.0, 32.0])

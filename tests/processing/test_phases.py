@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from processing.patterns import Family, Pattern
-from processing.phases import Phases
+from processing.proof.phases import Phases
 
 CHECKERS = [Pattern(Family.CHECKER, 12, down, right) for down in (0, 8, 16) for right in (0, 4, 8)]
 STRIPES = [Pattern(Family.STRIPES_ROWS, 20, shift) for shift in (0, 8, 16, 24, 32)]

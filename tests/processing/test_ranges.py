@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.accounts import spread_grid
-from processing.blur import Blur
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
 from processing.metrics import relative_error
 from processing.patterns import Family, Pattern
-from processing.range_decomposition import RangeDecomposition
-from processing.ranges import decompose_ranges
-from processing.spectrum import diffusion_mixture
+from processing.ranges.accounts import spread_grid
+from processing.ranges.blur import Blur
+from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.result import RangeDecomposition
+from processing.ranges.spectrum import diffusion_mixture
 from tests.processing.light import PITCHES_PX, PROJECTOR_PX, Scene, checkers, slanted, waves
 
 SHAPE = (40, 48)

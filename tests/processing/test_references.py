@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.finding import Finding
-from processing.parts import Parts
-from processing.references import Reference, contradicted, later_reference
-from processing.sample_noise import SampleNoise
+from processing.proof.finding import Finding
+from processing.proof.parts import Parts
+from processing.proof.references import Reference, contradicted, later_reference
+from processing.proof.sample_noise import SampleNoise
 
 SIDE = 64
 NOISE = SampleNoise(1e-4)  # 1 % of white

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from processing.frames.separation import ExtremaSeparation, Separator, SinusoidSeparation
 from processing.patterns import Family, Pattern, shift_grid
-from processing.separation import ExtremaSeparation, Separator, SinusoidSeparation
 
 SHAPE = (24, 36, 3)
 PITCH_PX = 6

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.finding import Finding
-from processing.kind import Kind
-from processing.parts import Parts
 from processing.patterns import Family, Pattern
-from processing.phases import Phases
-from processing.prediction import pattern_covariance
-from processing.sample_noise import SampleNoise
-from processing.showing import judge
+from processing.proof.finding import Finding
+from processing.proof.kind import Kind
+from processing.proof.parts import Parts
+from processing.proof.phases import Phases
+from processing.proof.prediction import pattern_covariance
+from processing.proof.sample_noise import SampleNoise
+from processing.proof.showing import judge
 
 SIDE = 64
 NOISE = 0.002

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.footprint import contrast
-from processing.frame_noise import FrameNoise, FrameSample, lattice, noise_of
-from processing.noise_bias import Correction, extrema_correction, measured_kinds
-from processing.order_statistics import (
+from processing.frames.footprint import contrast
+from processing.frames.frame_noise import FrameNoise, FrameSample, lattice, noise_of
+from processing.frames.noise_bias import Correction, extrema_correction, measured_kinds
+from processing.frames.order_statistics import (
     IntervalTable,
     amplitude_distribution,
     mean_extrema,
     mean_range,
     range_distribution,
 )
-from processing.patterns import Family, Pattern, shift_grid
-from processing.separation import ExtremaSeparation, SinusoidSeparation
-from processing.single_pitch import (
+from processing.frames.separation import ExtremaSeparation, SinusoidSeparation
+from processing.frames.single_pitch import (
     CorrelationSeparation,
     Estimate,
     amplitude_estimate,
     extrema_estimate,
 )
+from processing.patterns import Family, Pattern, shift_grid
 
 SHAPE = (90, 120)
 EVERYWHERE = np.ones(SHAPE, bool)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.soundness import additivity_error, direct_peak, resolved_pitches
+from processing.frames.soundness import additivity_error, direct_peak, resolved_pitches
 
 RNG = np.random.default_rng(8)
 WHITE = RNG.uniform(0.2, 1, (24, 32, 3)).astype(np.float32)

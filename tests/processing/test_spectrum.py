@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from processing.accounts import Account, opaque, spread_grid, translucent
-from processing.spectrum import RIDGE, diffusion_mixture, solve_passive, solve_spectrum
+from processing.ranges.accounts import Account, opaque, spread_grid, translucent
+from processing.ranges.spectrum import RIDGE, diffusion_mixture, solve_passive, solve_spectrum
 
 PITCH_PX = np.arange(8, 97, 4.0)
 SPREAD_PX = spread_grid(PITCH_PX)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from processing.blur import Blur
-from processing.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack
 from processing.patterns import Pattern
-from processing.range_decomposition import RangeDecomposition
-from processing.ranges import decompose_ranges
-from processing.stated_errors import defocus_px2, model_errors, signs
+from processing.ranges.blur import Blur
+from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.result import RangeDecomposition
+from processing.ranges.stated_errors import defocus_px2, model_errors, signs
 from tests.processing.light import PROJECTOR_PX, checkers
 from tests.processing.test_ranges import EVERYWHERE, SHAPE, opaque_scene
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from processing.unmixing import component_names, resolve
+from processing.independence.unmixing import component_names, resolve
 
 PITCH_PX = np.arange(8, 100, 4.0)
 FLAT = np.ones(23)

@@ -19,7 +19,7 @@ from acquire.proof.expectation import Expectation, Expected, Places, Small
 from acquire.session import FrameRecord, Session
 from drivers.sim.devices import SimulationConfig, build
 from processing.patterns import Family, Pattern
-from processing.prediction import code_covariance, pattern_covariance
+from processing.proof.prediction import code_covariance, pattern_covariance
 from tests.acquire.captures import captured, small_bench, small_plan
 
 CAMERA_PX, PROJECTOR_PX = (32, 40), (96, 128)

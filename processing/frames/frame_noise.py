@@ -1,0 +1,157 @@
+"""What the frames of a session say of their own noise.
+
+A pattern and its complement add up to white. In a sum of all frames of which complementary ones
+have equal weight, and all weights add up to 0, no light is left: its square is the variance of
+the noise of a frame (of all noise that differs between frames, a lamp's flicker included). Noise is
+a property of the whole capture: it is gathered on a lattice of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from processing.frames.harmonics import null_weights
+from processing.frames.noise_lines import noise_lines
+from processing.patterns import Pattern
+
+Image: TypeAlias = NDArray[np.float32]
+Array: TypeAlias = NDArray[np.float64]
+
+_LATTICE_PIXELS = 9000
+_DRAWS = 3
+ADDED = (1.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNoise:
+    """Variance of the noise of a frame against its light: read noise and shot noise.
+
+    Parameters
+    ----------
+    constant
+        float64, (colours,), ≥ 0, variance in the dark, in the unit of the frames squared.
+    slope
+        float64, (colours,), ≥ 0, its rise with light, in the unit of the frames.
+    """
+
+    constant: Array
+    slope: Array
+
+    def deviation(self, light: Image | Array) -> Array:
+        """Standard deviation at some light, (…, colours)."""
+        found: Array = np.sqrt(self.constant + self.slope * np.maximum(light, 0))
+        return found
+
+
+class FrameSample:
+    """The frames of one pitch on a lattice of some thousand pixels.
+
+    Parameters
+    ----------
+    patterns
+        All that are going to be added, of one family and pitch.
+    """
+
+    def __init__(self, patterns: Sequence[Pattern]) -> None:
+        self.patterns = tuple(patterns)
+        self._frames: dict[Pattern, Image] = {}
+
+    @classmethod
+    def whole(cls, patterns: Sequence[Pattern], frames: Image) -> FrameSample:
+        """From the `frames` that another process sampled."""
+        found = cls(patterns)
+        found._frames = dict(zip(patterns, frames, strict=True))
+        return found
+
+    def add(self, frame: Image, pattern: Pattern) -> None:
+        """Take in one frame, float32, (height, width, colours), black subtracted."""
+        self.add_pixels(frame[lattice(frame.shape[:2])].copy(), pattern)
+
+    def add_pixels(self, pixels: Image, pattern: Pattern) -> None:
+        """Take in one frame of which only the pixels of the `lattice` are given; they are kept."""
+        self._frames[pattern] = pixels
+
+    @property
+    def frames(self) -> Array:
+        """(frames, rows, columns, colours), in the order of the patterns."""
+        return np.stack([self._frames[one] for one in self.patterns]).astype(np.float64)
+
+    @property
+    def noise_variance(self) -> Array | None:
+        """(rows, columns, colours), one degree of freedom a pixel.
+
+        None where there are fewer than two complementary pairs of frames.
+        """
+        weights = null_weights(self.patterns)
+        if weights is None:
+            return None
+        frames = (self._frames[one].astype(np.float64) for one in self.patterns)
+        total: Array = sum(w * frame for w, frame in zip(weights, frames, strict=True))
+        return total**2
+
+    def growth(self, noise: FrameNoise) -> tuple[Array, Array]:
+        """How much the range of the frames grows when further noise is added to them.
+
+        What is added to a frame follows its own light, as its noise does: lit frames are noisier
+        than dark ones, and noise of one and the same width would count for more in the dark.
+
+        Parameters
+        ----------
+        noise
+            Of a frame.
+
+        Returns
+        -------
+        swing, growth
+            (rows, columns, colours) and (2, rows, columns, colours), in units of the mean noise
+            of a lit and of a dark frame: largest less smallest frame, and its growth for added
+            noise of the variances `ADDED`, in units of each frame's own. The draws are the same
+            at every call.
+        """
+        frames = self.frames
+        plain, level = np.ptp(frames, axis=0), frames.mean(axis=0)
+        lit, dark = (noise.deviation(level + end * plain / 2) for end in (1, -1))
+        unit = np.maximum((lit + dark) / 2, 1e-12)
+        own = noise.deviation(frames)
+        rng = np.random.default_rng(0)
+        grown = np.zeros((2, *plain.shape))
+        for _ in range(_DRAWS):
+            drawn = own * rng.standard_normal(frames.shape, np.float32)
+            for k, variance in enumerate(ADDED):
+                grown[k] += np.ptp(frames + np.sqrt(variance) * drawn, axis=0) - plain
+        return plain / unit, grown / (_DRAWS * unit)
+
+
+def lattice(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> tuple[slice, slice]:
+    """Some 10 000 pixels, or about so many, evenly spread over a picture."""
+    every = slice(None, None, lattice_step(shape, pixels))
+    return every, every
+
+
+def lattice_step(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> int:
+    """Distance of the lattice's pixels."""
+    return max(1, int(np.sqrt(shape[0] * shape[1] / pixels)))
+
+
+def noise_of(variances: Sequence[Array], white: Image, usable: NDArray[np.bool_]) -> FrameNoise:
+    """Noise of a frame, from the complementary frames of all pitches.
+
+    Parameters
+    ----------
+    variances
+        `FrameSample.noise_variance` of each pitch, at least one.
+    white
+        float32, (height, width, colours), the scene under full light.
+    usable
+        bool, (height, width), True where a pixel counts; at least one of the lattice.
+    """
+    at = lattice(usable.shape)
+    mean = np.mean(variances, axis=0).astype(np.float32)
+    lines = noise_lines(mean, white[at], usable[at])
+    # The mean frame is half of white: what rises with white rises twice as fast with its light.
+    return FrameNoise(lines[:, 0], 2 * lines[:, 1])

@@ -1,0 +1,1 @@
+"""The paper's decomposition: independent vector analysis of the direct images."""

@@ -1,0 +1,1 @@
+"""Images as rows, and arithmetic whose bits no processor changes."""

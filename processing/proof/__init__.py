@@ -1,0 +1,1 @@
+"""Whether every frame shows what it should."""

@@ -1,0 +1,1 @@
+"""The default decomposition: light by the range over which it travelled."""

@@ -1,0 +1,339 @@
+"""Pixels that see two places: across a depth edge, the footprint lies on two surfaces.
+
+One place explains the harmonics of such a pixel badly. What it leaves over is decoded once more,
+which gives the second place, and both are then fitted together,
+
+    Z = ½ Σ_j Σ_r x_jr Z_r(place j),    x ≥ 0,    Σ_j Σ_r x_jr = white,
+
+and refined in turn, each on what the other leaves. Direct light is the sum of both x_j0. The
+account of two places is believed only where it explains the harmonics much better than one does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from processing.frames.harmonics import PitchDesign
+from processing.ranges.account_fit import TOTAL_WEIGHT
+from processing.ranges.correspondence import decode_residual, refined
+from processing.ranges.response import ResponseTables
+from processing.ranges.slopes import look_up, model_errors
+from processing.ranges.spectrum import solve_passive, solve_spectrum
+
+Array = NDArray[np.float64]
+Harmonics = NDArray[np.complex64]
+
+# Ranges of each place, beside direct light, in finest pitches.
+_RANGES = (1.0, 4.0, 16.0)
+_ROUNDS = 3
+# χ² a degree of freedom from which a second place is looked for; what two places must leave of it.
+_SUSPECT = 2.0
+_MOST_LEFT = 0.6
+# In camera pixels: what is a jump on the projector, how far from one footprints are divided, how
+# far to look for a neighbour that sees the second place, and how well they must agree.
+_JUMP_PX = 2.0
+_REACH_PX = 2
+_NEIGHBOUR_PX = 3
+_AGREEMENT_PX = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What is known of a capture, for each colour where it says so.
+
+    Parameters
+    ----------
+    designs
+        One a pitch.
+    projector_px
+        (height, width).
+    tables
+        Of each colour.
+    noise_gains
+        (pitches,), see `processing.ranges.slopes.slope_noise_gain`.
+    """
+
+    designs: Sequence[PitchDesign]
+    projector_px: tuple[int, int]
+    tables: Sequence[ResponseTables]
+    noise_gains: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """n pixels.
+
+    Parameters
+    ----------
+    harmonics
+        complex64, (pitches, 2, n, colours), constant light subtracted.
+    places
+        (2, n, colours), decoded as if there were one.
+    gains
+        (n, pitches, 2, colours), see `processing.ranges.blur.Blur.gains`.
+    white, variance
+        (n, colours), the second of the noise of a frame.
+    """
+
+    harmonics: Harmonics
+    places: Array
+    gains: Array
+    white: Array
+    variance: Array
+
+    def only(self, pixels: NDArray[np.int64]) -> Seen:
+        """Some of them."""
+        return Seen(
+            self.harmonics[:, :, pixels],
+            self.places[:, pixels],
+            self.gains[pixels],
+            self.white[pixels],
+            self.variance[pixels],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TwoPlaces:
+    """Those m of n pixels that two places explain much better than one does.
+
+    Parameters
+    ----------
+    pixels
+        int64, (m,): which.
+    second_px
+        float64, (2, m): y and x of the second place.
+    direct_light, deviations
+        float64, (m, colours): direct light of both, and its standard error.
+    """
+
+    pixels: NDArray[np.int64]
+    second_px: Array
+    direct_light: Array
+    deviations: Array
+
+    def only(self, kept: NDArray[np.bool_]) -> TwoPlaces:
+        """Some of them, `kept`, (m,)."""
+        return TwoPlaces(
+            self.pixels[kept],
+            self.second_px[:, kept],
+            self.direct_light[kept],
+            self.deviations[kept],
+        )
+
+
+def fit_two_places(setting: Setting, seen: Seen) -> TwoPlaces:
+    """Find and fit a second place of the pixels that one explains badly."""
+    alone = _Fit.of(setting, seen, (seen.places,))
+    degrees = 4 * len(setting.designs) * seen.white.shape[1]
+    suspect = np.flatnonzero(alone.chi2 > _SUSPECT * degrees)
+    seen, left = seen.only(suspect), alone.left[0][:, :, suspect]
+    first = seen.places
+    second = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
+    for _ in range(_ROUNDS):
+        second = refined(left, setting.tables, second)
+        both = _Fit.of(setting, seen, (first, second))
+        first = refined(both.left[1], setting.tables, first)
+        both = _Fit.of(setting, seen, (first, second))
+        left = both.left[0]
+    two = TwoPlaces(suspect, second.mean(axis=-1), both.direct_light, both.deviations)
+    return two.only(both.chi2 < _MOST_LEFT * alone.chi2[suspect])
+
+
+def near_jumps(
+    places_px: NDArray[np.floating], mask: NDArray[np.bool_], scale_px: float
+) -> NDArray[np.bool_]:
+    """Pixels beside which the place on the projector jumps, bool, (height, width).
+
+    Parameters
+    ----------
+    places_px
+        (2, height, width), y and x.
+    mask
+        bool, (height, width), where they are known.
+    scale_px
+        Usual distance on the projector between neighbouring pixels.
+    """
+    jumps = np.zeros(mask.shape, bool)
+    for axis in range(2):
+        ahead = [slice(None), slice(None)]
+        behind = [slice(None), slice(None)]
+        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
+        step = np.abs(np.diff(places_px, axis=axis + 1)).max(axis=0)
+        jumped = (step > _JUMP_PX * scale_px) & mask[tuple(ahead)] & mask[tuple(behind)]
+        jumps[tuple(ahead)] |= jumped
+        jumps[tuple(behind)] |= jumped
+    side = 2 * _REACH_PX - 1
+    near: NDArray[np.bool_] = ndimage.binary_dilation(jumps, np.ones((side, side), bool)) & mask
+    return near
+
+
+def seen_beside(
+    places_px: NDArray[np.floating], pixels: NDArray[np.int64], second_px: Array, scale_px: float
+) -> NDArray[np.bool_]:
+    """Whether a pixel nearby sees the second place as its only one.
+
+    A mirror image of the pattern is a second place, too, but no neighbour sees it.
+
+    Parameters
+    ----------
+    places_px, scale_px
+        As for `near_jumps`.
+    pixels
+        (2, n): rows and columns.
+    second_px
+        (2, n), see `TwoPlaces`.
+    """
+    agreed = np.zeros(pixels.shape[1], bool)
+    height, width = places_px.shape[1:]
+    offsets = range(-_NEIGHBOUR_PX, _NEIGHBOUR_PX + 1)
+    for down in offsets:
+        for right in offsets:
+            row = np.clip(pixels[0] + down, 0, height - 1)
+            column = np.clip(pixels[1] + right, 0, width - 1)
+            apart = np.abs(places_px[:, row, column] - second_px).max(axis=0)
+            agreed |= apart < _AGREEMENT_PX * scale_px
+    away = np.abs(places_px[:, pixels[0], pixels[1]] - second_px).max(axis=0)
+    second: NDArray[np.bool_] = agreed & (away > _JUMP_PX * scale_px)
+    return second
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """(n, colours) of direct light and its error, χ² over all colours, what each place leaves."""
+
+    direct_light: Array
+    deviations: Array
+    chi2: Array
+    left: Harmonics
+
+    @classmethod
+    def of(cls, setting: Setting, seen: Seen, places: tuple[Array, ...]) -> _Fit:
+        """Fit the pixels as seeing some places, (2, n, colours) each."""
+        fits = []
+        for colour, tables in enumerate(setting.tables):
+            finest = tables.pitch_px.min()
+            apart = [np.abs(tables.spread_px - ratio * finest) for ratio in _RANGES]
+            wanted = [0, *(int(np.argmin(one)) for one in apart)]
+            fits.append(
+                _fit_all(
+                    np.ascontiguousarray(np.moveaxis(seen.harmonics[..., colour], -1, 0)),
+                    np.stack([place[..., colour] for place in places]),
+                    np.ascontiguousarray(tables.down[:, wanted]),
+                    np.ascontiguousarray(tables.right[:, wanted]),
+                    tables.first,
+                    tables.pitch_px,
+                    np.ascontiguousarray(seen.gains[..., colour]),
+                    np.ascontiguousarray(seen.white[:, colour]),
+                    np.ascontiguousarray(seen.variance[:, colour]),
+                    setting.noise_gains,
+                    _mean_energy(tables),
+                    model_errors(tables.pitch_px, tables.blur_px2),
+                )
+            )
+        direct, error, chi2, left = zip(*fits, strict=True)
+        return cls(
+            np.stack(direct, axis=-1),
+            np.stack(error, axis=-1),
+            np.sum(chi2, axis=0),
+            np.moveaxis(np.stack(left, axis=-1), 1, 3),
+        )
+
+
+def _mean_energy(tables: ResponseTables) -> Array:
+    """Mean of ⟨Z_0, Z_0⟩ over all places, (pitches,)."""
+    ends = [*tables.first[1:], len(tables.down)]
+    means = [
+        np.mean(np.abs(tables.down[first:end, 0]) ** 2)
+        * np.mean(np.abs(tables.right[first:end, 0]) ** 2)
+        for first, end in zip(tables.first, ends, strict=True)
+    ]
+    return 2 * np.array(means)
+
+
+@njit(cache=True, nogil=True)
+def _fill_atoms(atoms, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
+    """(4 · pitches, places · ranges + 1): what unit light of each adds to the harmonics."""
+    n_places, n_ranges = len(places), down.shape[1]
+    for k in range(len(pitch_px)):
+        for p in range(n_places):
+            for r in range(n_ranges):
+                y = look_up(down, first[k], 2 * pitch_px[k], places[p, 0], r)
+                x = look_up(right, first[k], 2 * pitch_px[k], places[p, 1], r)
+                plus, minus = 0.5 * y * x * gain[k, 0], 0.5 * y * np.conj(x) * gain[k, 1]
+                a = p * n_ranges + r
+                atoms[4 * k, a], atoms[4 * k + 1, a] = plus.real, plus.imag
+                atoms[4 * k + 2, a], atoms[4 * k + 3, a] = minus.real, minus.imag
+
+
+@njit(cache=True, nogil=True)
+def _normal_equations(atoms, seen, weight, white, gram, moment):  # type: ignore[no-untyped-def]
+    """AᵀWA and AᵀWb, with the total held to white."""
+    held = (TOTAL_WEIGHT / max(white, 1e-12)) ** 2
+    gram[:] = held
+    moment[:] = held * white
+    for row in range(len(atoms)):
+        for a in range(atoms.shape[1]):
+            weighted = atoms[row, a] * weight[row]
+            moment[a] += weighted * seen[row]
+            for b in range(atoms.shape[1]):
+                gram[a, b] += weighted * atoms[row, b]
+
+
+@njit(cache=True, nogil=True)
+def _take_off(seen, atoms, amounts, first, end, left):  # type: ignore[no-untyped-def]
+    """What the light of some atoms leaves."""
+    for row in range(len(seen)):
+        left[row] = seen[row]
+        for a in range(first, end):
+            left[row] -= amounts[a] * atoms[row, a]
+
+
+@njit(cache=True, nogil=True)
+def _fit_all(  # type: ignore[no-untyped-def]
+    harmonics, places, down, right, first, pitch_px, gain, white, variance, noise_gains, energy,
+    model,
+):  # fmt: skip
+    n_places, (n_pixels, n_pitches, _), n_ranges = len(places), harmonics.shape, down.shape[1]
+    n_atoms = n_places * n_ranges + 1
+    direct, error, chi2 = np.zeros(n_pixels), np.zeros(n_pixels), np.zeros(n_pixels)
+    left = np.zeros((n_places, n_pixels, n_pitches, 2), np.complex64)
+    atoms, weight = np.zeros((4 * n_pitches, n_atoms)), np.zeros(4 * n_pitches)
+    seen, rest = np.zeros(4 * n_pitches), np.zeros(4 * n_pitches)
+    gram, moment = np.zeros((n_atoms, n_atoms)), np.zeros(n_atoms)
+    factor, members = np.zeros((n_atoms, n_atoms)), np.zeros(n_atoms, np.int64)
+    passive, amounts, moved = np.zeros(n_atoms, np.bool_), np.zeros(n_atoms), np.zeros(n_atoms)
+    # The direct light of all places together.
+    chosen = np.zeros(n_atoms)
+    chosen[: n_atoms - 1 : n_ranges] = 1
+    for i in range(n_pixels):
+        _fill_atoms(atoms, places[:, :, i], down, right, first, pitch_px, gain[i])
+        for k in range(n_pitches):
+            for sign in range(2):
+                seen[4 * k + 2 * sign] = harmonics[i, k, sign].real
+                seen[4 * k + 2 * sign + 1] = harmonics[i, k, sign].imag
+            spread = noise_gains[k] * variance[i] + energy[k] * (model[k] * white[i]) ** 2
+            weight[4 * k : 4 * k + 4] = 4 / (spread + 1e-30)
+        _normal_equations(atoms, seen, weight, white[i], gram, moment)
+        count = solve_spectrum(gram, moment, passive, amounts, factor, members)
+        _take_off(seen, atoms, amounts, 0, n_atoms, rest)
+        for row in range(len(rest)):
+            chi2[i] += weight[row] * rest[row] ** 2
+        solve_passive(factor, members, count, chosen, moved)
+        total, spread = 0.0, 0.0
+        for p in range(n_places):
+            total += amounts[p * n_ranges]
+            spread += moved[p * n_ranges]
+            _take_off(seen, atoms, amounts, p * n_ranges, (p + 1) * n_ranges, rest)
+            for k in range(n_pitches):
+                for sign in range(2):
+                    at = 4 * k + 2 * sign
+                    left[p, i, k, sign] = complex(rest[at], rest[at + 1])
+        direct[i] = min(total, white[i])
+        error[i] = np.sqrt(max(spread, 0.0) * max(chi2[i] / (4 * n_pitches), 1.0))
+    return direct, error, chi2, left

@@ -1,0 +1,134 @@
+"""The correlation slope of the frames of a pitch with the pattern that a pixel sees.
+
+With Z the harmonics of a pixel and Z_0 those that direct light from its place would have,
+
+    D(P) = 2 Re⟨Z_0, Z⟩ / ⟨Z_0, Z_0⟩,
+
+with ⟨·,·⟩ over Z⁺ and Z⁻. It has the variance gain·σ²/⟨Z_0, Z_0⟩ from noise of variance σ² in a
+frame; to it is added that of the model, a fixed part of white.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from processing.frames.harmonics import PitchDesign
+from processing.numerics.elementary import hypot
+from processing.ranges.response import BINS_PER_PX, ResponseTables
+
+Array = NDArray[np.float64]
+
+# Standard deviation of D/white at the finest pitch that footprints and the dictionary leave: on
+# a board, which has direct light alone, D is off by 0.3 to 2 %. Light from afar is less like its
+# Gaussian spreads the wider the pattern: it grows as the root of the pitch.
+_MODEL_ERROR = 0.01
+# The blur's variance is right to this part of it.
+_BLUR_ERROR = 0.02
+
+
+def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
+    """Standard deviation of D/white that is laid to the model, (pitches,).
+
+    Parameters
+    ----------
+    pitch_px
+        (pitches,).
+    blur_px2
+        Variance a side of the blur that is corrected for; its error bends fine pitches.
+    """
+    shape = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
+    bent = _BLUR_ERROR * blur_px2 * (np.pi / pitch_px) ** 2
+    errors: Array = hypot(shape, bent)
+    return errors
+
+
+def told_of_blur(pitch_px: Array, blur_px2: float) -> float:
+    """What a blur leaves of the χ² by which light of short range shows, in (0, 1].
+
+    Short ranges and blur alike bend D(P)/white as (π/P)², which counts by its square over the
+    variance of `model_errors`; these grow with the blur that is corrected for.
+
+    Parameters
+    ----------
+    pitch_px, blur_px2
+        As for `model_errors`.
+    """
+    bend = (np.pi / pitch_px) ** 2
+    left, all_of_it = (
+        float(np.sum((bend / model_errors(pitch_px, variance)) ** 2)) for variance in (blur_px2, 0)
+    )
+    return left / all_of_it
+
+
+def slope_noise_gain(design: PitchDesign) -> float:
+    """Variance of D, times ⟨Z_0, Z_0⟩, for frames of unit variance.
+
+    In a grid over both directions Z⁺ and Z⁻ have independent noise, of variance n/2 for n frames
+    in each real part; along one direction they hold the same noise.
+    """
+    both = design.family.varies_down and design.family.varies_right
+    return (2.0 if both else 4.0) * len(design.patterns)
+
+
+def slopes(
+    harmonics: NDArray[np.complex64], places: Array, tables: ResponseTables, gains: Array
+) -> Array:
+    """D of both diagonals apart, (n, pitches, 2).
+
+    Parameters
+    ----------
+    harmonics
+        (pitches, 2, n) of one colour, constant light subtracted.
+    places
+        (2, n), see `processing.ranges.correspondence.Correspondence`.
+    tables
+        Of this colour.
+    gains
+        (n, pitches, 2), `processing.ranges.blur.Blur.gains`.
+    """
+    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
+    return _slopes(  # type: ignore[no-any-return]
+        pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
+        tables.pitch_px, gains,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def bin_of(place, period):  # type: ignore[no-untyped-def]
+    """Bin of a place within the period, and the part of the way to the next."""
+    at = (place - np.floor(place / period) * period) * BINS_PER_PX
+    # A place just below 0 is rounded to the end of the period.
+    index = min(int(at), int(period * BINS_PER_PX) - 1)
+    return index, at - index
+
+
+@njit(cache=True, nogil=True)
+def between(table, index, part, spread):  # type: ignore[no-untyped-def]
+    """Linear between bins."""
+    return table[index, spread] * (1 - part) + table[index + 1, spread] * part
+
+
+@njit(cache=True, nogil=True)
+def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
+    """T of a spread at a place; `first` is the bin where the pitch begins."""
+    index, part = bin_of(place, period)
+    return between(table, first + index, part, spread)
+
+
+@njit(cache=True, nogil=True)
+def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
+    n_pixels, n_pitches, _ = harmonics.shape
+    found = np.zeros((n_pixels, n_pitches, 2))
+    for i in range(n_pixels):
+        for k in range(n_pitches):
+            bin_y, part_y = bin_of(places[0, i], 2 * pitch_px[k])
+            bin_x, part_x = bin_of(places[1, i], 2 * pitch_px[k])
+            at_y = between(down, first[k] + bin_y, part_y, 0)
+            at_x = between(right, first[k] + bin_x, part_x, 0)
+            plus, minus = at_y * at_x * gain[i, k, 0], at_y * np.conj(at_x) * gain[i, k, 1]
+            for sign, one in enumerate((plus, minus)):
+                seen = harmonics[i, k, sign]
+                found[i, k, sign] = 2 * (seen * np.conj(one)).real / max(np.abs(one) ** 2, 1e-12)
+    return found
