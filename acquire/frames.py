@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -21,7 +21,7 @@ from drivers.picture import decode_picture
 from drivers.raw import decode_raw
 
 # Threads that decode: one a core, up to so many that what they hold stays below half a gigabyte.
-DECODERS = min(get_num_threads(), 6)
+DECODERS = min(os.cpu_count() or 1, 6)
 # Frames decoded ahead where each takes new memory.
 _AHEAD = 2
 # So many frames are taken in at a time, and fewer where they have more values than this together.

@@ -13,7 +13,7 @@ from processing.remarks import Remark
 def test_every_remark_is_made_of_whole_sentences() -> None:
     remarks = [
         value
-        for module in pkgutil.iter_modules(processing.__path__, "processing.")
+        for module in pkgutil.walk_packages(processing.__path__, "processing.")
         for value in vars(importlib.import_module(module.name)).values()
         if isinstance(value, Remark)
     ]
