@@ -7,13 +7,11 @@ place is known, the kind is recognised by what further noise adds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -27,6 +25,7 @@ from processing.frames.order_statistics import (
     mean_range,
     range_distribution,
 )
+from processing.numerics.threads import in_threads
 
 Array: TypeAlias = NDArray[np.float64]
 # Intervals, and the mean of R against δ.
@@ -82,8 +81,7 @@ class Correction:
             distribution = complemented_distribution(kind, white_deviation)
             return IntervalTable.of([distribution]), mean_range(distribution)
 
-        with ThreadPoolExecutor(get_num_threads(), thread_name_prefix="kinds") as threads:
-            return cls._stacked(list(threads.map(of_kind, np.atleast_2d(contrasts))))
+        return cls._stacked(in_threads(of_kind, list(np.atleast_2d(contrasts))))
 
     @classmethod
     def of_amplitude(cls) -> Correction:

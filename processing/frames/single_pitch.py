@@ -13,12 +13,11 @@ is free of bias and uses all frames.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import njit
 from numpy.typing import NDArray
 
 from processing.frames.frame_noise import FrameNoise, lattice_step
@@ -26,6 +25,7 @@ from processing.frames.noise_bias import Correction
 from processing.frames.order_statistics import STEP
 from processing.numerics.elementary import cos, sin
 from processing.numerics.linear_algebra import inverse, product
+from processing.numerics.threads import in_threads
 
 Image: TypeAlias = NDArray[np.float32]
 Array: TypeAlias = NDArray[np.float64]
@@ -212,8 +212,7 @@ def _estimate(
         bands = np.arange(first, first + len(direct)) // step
         _correct(direct, lit, found, error, begins, bands, about, numbers, extrema)
 
-    with ThreadPoolExecutor(get_num_threads(), thread_name_prefix="correct") as threads:
-        list(threads.map(correct, range(0, height, _LINES)))
+    in_threads(correct, range(0, height, _LINES))
     return Estimate(estimated, deviation)
 
 

@@ -7,10 +7,8 @@ the white row.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +23,7 @@ from processing.independence.whitening import whitening
 from processing.numerics.linear_algebra import product
 from processing.numerics.rows import means
 from processing.numerics.strata import sample_stride
+from processing.numerics.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -108,6 +107,5 @@ def _whiten(samples: NDArray[np.float32]) -> Array:
     def whiten(color: int) -> None:
         samples[color] = product(filters[color].astype(np.float32), samples[color])
 
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="whiten") as threads:
-        list(threads.map(whiten, range(len(samples))))
+    in_threads(whiten, range(len(samples)))
     return filters

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +9,7 @@ from processing.auxiva import auxiva
 from processing.independence.unmixing import scaled_mixing
 from processing.numerics.jackknife import half_width
 from processing.numerics.linear_algebra import product
+from processing.numerics.threads import in_threads
 
 Array = NDArray[np.float64]
 _PARTS = 10
@@ -56,8 +54,7 @@ def alpha_half_width(
         found = auxiva(rest, n_iterations, n_threads=1)
         return scaled_mixing(product(found.unmixing, white_filter), vectors)
 
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="parts") as threads:
-        try:
-            return half_width(np.stack(list(threads.map(without, range(_PARTS)))), sizes)
-        except (ValueError, np.linalg.LinAlgError):
-            return np.full((len(samples), *vectors.shape), np.nan)
+    try:
+        return half_width(np.stack(in_threads(without, range(_PARTS))), sizes)
+    except (ValueError, np.linalg.LinAlgError):
+        return np.full((len(samples), *vectors.shape), np.nan)

@@ -10,14 +10,13 @@ that share out blocks of lines; neither their number nor the processor changes a
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from processing.numerics.elementary import exp
 from processing.numerics.strata import stratified
+from processing.numerics.threads import in_threads
 
 Image = NDArray[np.float32]
 Lines = NDArray[np.int64]
@@ -67,8 +66,7 @@ def gradient_samples(
         columns = np.stack([stratified(mask.shape[1], stride_px, turn) for turn in turns])
         return _sampled(images, mask, taps, lines[some], columns)
 
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="gradients") as threads:
-        blocks = list(threads.map(sampled, range(0, len(lines), _BLOCK_LINES)))
+    blocks = in_threads(sampled, range(0, len(lines), _BLOCK_LINES))
     right, down = zip(*blocks, strict=True)
     samples: Image = np.concatenate([*right, *down], axis=-1)
     return samples

@@ -8,7 +8,6 @@ over fixed blocks in a fixed order; neither the number of threads nor the proces
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import TypeAlias, TypeVar
 
 import numba
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.numerics.strata import stratified
+from processing.numerics.threads import in_threads
 
 # Values of all images in a block: two megabytes of float32.
 _BLOCK_VALUES = 1 << 19
@@ -110,8 +110,7 @@ def _in_blocks(work: Callable[[slice], _Found], rows: Rows, n_lines: int) -> lis
     _, width, n_colors = rows[0].shape
     step = max(1, _BLOCK_VALUES // (len(rows) * width * n_colors))
     blocks = [slice(start, min(start + step, n_lines)) for start in range(0, n_lines, step)]
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="rows") as threads:
-        return list(threads.map(work, blocks))
+    return in_threads(work, blocks)
 
 
 def _block(rows: Rows, lines: slice | NDArray[np.int64]) -> NDArray[np.float32]:

@@ -18,16 +18,15 @@ pixel has its own spectrum of ranges.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from processing.frames.gathering import HarmonicsStack
 from processing.frames.noise_lines import noise_lines
 from processing.numerics.linear_algebra import product
+from processing.numerics.threads import in_threads
 from processing.ranges.accounts import opaque, spread_grid, translucent
 from processing.ranges.blur import Blur
 from processing.ranges.correspondence import Correspondence, decode
@@ -289,9 +288,7 @@ def _in_threads(work: Callable[[slice], None], chosen: NDArray[np.bool_], told: 
     Each pixel is written by one of them: the number of threads changes nothing.
     """
     wanted = [lines for lines in blocks(chosen.shape) if chosen[lines].any()]
-    with ThreadPoolExecutor(numba.get_num_threads(), thread_name_prefix="ranges") as threads:
-        for done, _ in enumerate(threads.map(work, wanted), 1):
-            told(done / len(wanted))
+    in_threads(work, wanted, told)
 
 
 def _near_light(located: _Located, optics: _Optics) -> NearLight:
