@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, JsonValue, ValidationError
 
+from acquire.bench_identity import are_same_devices
 from acquire.errors import ProfileError, SessionError
 from acquire.plan import CameraPlan, ProfileKind, ProjectorPlan
 from acquire.session import Session
@@ -33,11 +34,6 @@ _BOUND_SETTINGS: Mapping[str, tuple[str, ...]] = {
     "noise": ("iso",),
     "board": ("aperture",),
 }
-# What of a simulated bench makes its devices, apart from the scene and what befalls a run.
-_SIM_DEVICES = (
-    "camera_px", "projector_px", "gamma", "black_level", "blur_px", "latency_s", "full_well_e",
-    "read_noise_e",
-)  # fmt: skip
 
 
 class Quantity(StrictModel):
@@ -227,7 +223,7 @@ def check_applies(
     profile: Profile, name: str, bench: Mapping[str, JsonValue], camera: CameraPlan
 ) -> None:
     """Refuse a profile of another bench, or of camera settings that it does not hold for."""
-    if _devices(profile.bench) != _devices(bench):
+    if not are_same_devices(profile.bench, bench):
         raise ProfileError(
             f"{name}: this {profile.kind} profile is of another bench. Calibrate on the bench "
             "that the session is captured on."
@@ -239,13 +235,3 @@ def check_applies(
                 f"{name}: this {profile.kind} profile holds for {key} = {there}, the session has "
                 f"{here}. Calibrate again with the session's settings."
             )
-
-
-def _devices(bench: Mapping[str, JsonValue]) -> dict[str, JsonValue]:
-    played = bench.get("of")
-    if bench.get("kind") == "replay" and isinstance(played, dict):
-        return _devices(played)
-    simulation = bench.get("sim")
-    if bench.get("kind") == "sim" and isinstance(simulation, dict):
-        return {key: simulation.get(key) for key in _SIM_DEVICES}
-    return dict(bench)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from acquire.bench_file import SimSection
+from acquire.bench_identity import is_same_bench
 from acquire.errors import SessionError
 from acquire.pause import Pause
 from acquire.plan import Plan
@@ -65,6 +66,8 @@ def record(
         _write_truth(plan, bench, folder)
         last_file = session.read(session.lines[-1]) if session.lines else None
         with bench.open(Resumption(plan, session.lines, last_file)) as devices:
+            if devices.camera_body:
+                session.know_camera(devices.camera_body)
             journal = Journal(session, devices.clock, observer)
             for repair in repairs:
                 journal.note(repair, Kind.REPAIR)
@@ -90,7 +93,7 @@ def _session(plan: Plan, bench: Bench, folder: Path) -> Session:
             f"{folder} was begun with another plan; a session is captured with one. Give the plan "
             "it was begun with, or another --out."
         )
-    if _completed(session.record.bench) != _completed(description):
+    if not is_same_bench(_completed(session.record.bench), _completed(description)):
         raise SessionError(
             f"{folder} was begun on another bench (or the bench file was changed since); a session "
             "is captured on one. Give that bench, or another --out."

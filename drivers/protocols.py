@@ -134,10 +134,12 @@ class Clock(Protocol):
 class Devices:
     """What a capture needs of a bench.
 
-    `warnings` are what a person should change on the devices, as found on opening them.
+    `warnings` are what a person should change on the devices, as found on opening them;
+    `camera_body` is maker, model and serial number, empty where the camera does not tell.
     """
 
     projector: Projector
     camera: Camera
     clock: Clock
     warnings: tuple[str, ...] = ()
+    camera_body: str = ""

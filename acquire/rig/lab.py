@@ -119,15 +119,16 @@ def _connect(
     plan = resumption.plan
     camera: Camera
     warnings: tuple[str, ...] = ()
+    body = ""
     if lab.folder is None:
         camera = ptp = open_camera(lab.camera.address, clock)
         closing.callback(camera.close)
-        warnings = _warnings(ptp, resumption)
+        warnings, body = _warnings(ptp, resumption), ptp.body
     else:
         camera = _folder_camera(lab.folder, plan, clock, closing)
         closing.callback(camera.close)
     projector = WindowProjector(connector, plan.projector.settle_s, clock)
-    return closed_with(Devices(projector, camera, clock, warnings), closing)
+    return closed_with(Devices(projector, camera, clock, warnings, body), closing)
 
 
 def _warnings(camera: PtpCamera, resumption: Resumption) -> tuple[str, ...]:

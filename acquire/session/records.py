@@ -17,6 +17,7 @@ from drivers.protocols import CameraSettings, RawFrame
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 FramePath = Annotated[str, Field(pattern=r"^frames/[0-9]{6}(-[0-9]{1,3})?\.[a-z0-9]{1,5}$")]
 MAX_ATTEMPTS = 1000
+CAMERA_BODY = "camera_body"  # in what is recorded of a bench, once its camera was open
 MAX_FRAME_BYTES = 1 << 30
 
 SUFFIXES = {

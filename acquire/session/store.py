@@ -10,7 +10,7 @@ from shutil import disk_usage
 from typing import TypeVar
 
 from filelock import FileLock, Timeout
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, JsonValue, ValidationError
 
 from acquire.errors import SessionError
 from acquire.plan import Plan
@@ -23,7 +23,7 @@ from acquire.session.folder import (
     write_durably,
 )
 from acquire.session.log import Kind, read_notes
-from acquire.session.records import FrameRecord, RunRecord, SessionRecord
+from acquire.session.records import CAMERA_BODY, FrameRecord, RunRecord, SessionRecord
 from acquire.validation import explain
 
 MAX_JSON_BYTES = 32 << 20
@@ -166,7 +166,7 @@ class Session:
         if before and before[-1].outcome == "running":
             broken = {"outcome": "interrupted", "reason": self.unsaid_end}
             before = (*before[:-1], before[-1].model_copy(update=broken))
-        self._rewrite((*before, run))
+        self._rewrite(runs=(*before, run))
 
     def end_run(self, finished_s: float, outcome: str, reason: str = "") -> None:
         """Note how the run that was begun last has ended."""
@@ -175,7 +175,18 @@ class Session:
             last.model_dump()
             | {"finished_s": finished_s, "outcome": outcome, "reason": reason[:2000]}
         )
-        self._rewrite((*before, ended))
+        self._rewrite(runs=(*before, ended))
+
+    def know_camera(self, body: str) -> None:
+        """Note which camera takes the frames; raises `SessionError` if another one took some."""
+        known = self.record.bench.get(CAMERA_BODY)
+        if known is None:
+            self._rewrite(bench=self.record.bench | {CAMERA_BODY: body})
+        elif known != body:
+            raise SessionError(
+                f"{self.folder} was begun with the camera {known}, this is {body}; a session is "
+                "captured with one. Connect that camera, or give another --out."
+            )
 
     @property
     def unsaid_end(self) -> str:
@@ -252,8 +263,8 @@ class Session:
         else:
             self.frames.append(frame)
 
-    def _rewrite(self, runs: tuple[RunRecord, ...]) -> None:
-        self.record = self.record.model_copy(update={"runs": runs})
+    def _rewrite(self, **changed: tuple[RunRecord, ...] | dict[str, JsonValue]) -> None:
+        self.record = self.record.model_copy(update=changed)
         write_durably(self.folder / RECORD, _json(self.record))
 
 

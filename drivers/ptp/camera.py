@@ -62,6 +62,12 @@ class PtpCamera:
         """Maker, model, version, serial number and abilities."""
         return self._device
 
+    @property
+    def body(self) -> str:
+        """Maker, model and serial number: what tells this camera from every other."""
+        device = self._device
+        return " ".join(f"{device.manufacturer} {device.model} {device.serial}".split())
+
     def state(self) -> CameraState:
         """Battery, dials and settings as they are now."""
         with self._ready() as body:
@@ -148,6 +154,7 @@ class PtpCamera:
         """Look once more for a camera that was gone, for as long as plugging it in takes."""
         self._session.close()
         self._is_gone = True
+        before = self.body
         deadline_s = self._clock.monotonic() + REOPEN_WITHIN_S
         while self._is_gone:
             self._clock.sleep(REOPEN_PAUSE_S)
@@ -161,6 +168,11 @@ class PtpCamera:
                     ) from error
             else:
                 self._is_gone = False
+        if self.body != before:
+            raise CameraError(
+                f"the camera was gone, and another one is in its place: it was {before}, this is "
+                f"{self.body}; put the first one back and start the capture again"
+            )
 
     def _give_back(self) -> None:
         with contextlib.suppress(CameraError):

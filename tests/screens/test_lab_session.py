@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from acquire.session.verification import problems
 from drivers.protocols import CameraSettings
 from drivers.raw import decode_raw
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
+from drivers.sim.ptp_responder.body import d4s
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
@@ -130,6 +132,31 @@ def test_a_camera_that_fails_loses_no_frame(
             process = start(desk, tmp_path, port)
             output = finish(process)
         assert process.returncode == 0, output
+    assert_sound(tmp_path, scene)
+
+
+def test_a_camera_that_got_another_address_goes_on_but_no_other_camera(
+    desk: Desk,
+    seen: Callable[[CameraSettings], tuple[bytes, str]],
+    scene: SimulatedBench,
+    tmp_path: Path,
+) -> None:
+    with PtpIpServer(Responder(seen, misbehaviours=[Misbehaviour.parse("unplug+3")])) as camera:
+        first = camera.address[1]
+        finish(start(desk, tmp_path, first))
+    other = replace(d4s(), info=replace(d4s().info, serial="2"))
+    with PtpIpServer(Responder(seen, other), port=first) as camera:
+        process = start(desk, tmp_path, camera.address[1])
+        output = finish(process)
+        assert process.returncode == 1
+        assert "was begun with the camera Nikon Corporation D4S 0000" in " ".join(output.split())
+        assert "this is Nikon Corporation D4S 2;" in " ".join(output.split())
+    assert lines(tmp_path / "s") == 3
+    with PtpIpServer(Responder(seen)) as camera:
+        assert camera.address[1] != first
+        process = start(desk, tmp_path, camera.address[1])
+        output = finish(process)
+    assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
 
