@@ -66,7 +66,6 @@ class Stack(Frames):
     def __init__(self, session: Session, reading: Reading | None = None) -> None:
         super().__init__(session, reading)
         self.groups = _groups(session.frames)
-        self._places = {(line.step, line.attempt): k for k, line in enumerate(session.lines)}
         if not self.groups:
             raise StackError(
                 f"{session.folder} holds no pattern frames yet; there is nothing to separate."
@@ -96,7 +95,7 @@ class Stack(Frames):
 
     def order(self, frame: FrameRecord) -> int:
         """Place of a frame among all exposures, those included that were taken again."""
-        return self._places[frame.step, frame.attempt]
+        return self._session.order(frame)
 
 
 def _groups(frames: Iterable[FrameRecord]) -> tuple[PitchGroup, ...]:

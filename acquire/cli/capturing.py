@@ -1,4 +1,4 @@
-"""Commands that lead to a session: plan, capture, import, verify."""
+"""Commands that lead to a session: plan, capture, import."""
 
 from __future__ import annotations
 
@@ -10,21 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquire import bag
 from acquire.cli.bench import PortOption, capture_page, setting_of
 from acquire.cli.interruption import stop_on_signals
 from acquire.cli.progress import ProgressDisplay, tell
-from acquire.errors import PlanError, SessionError
+from acquire.errors import PlanError
 from acquire.plan import Plan
 from acquire.plan_file import check_fits, example_text
 from acquire.rig import Bench, find_bench
 from acquire.session import Session
-from acquire.session.recovery import remedy
-from acquire.session.verification import clock_jumps, happenings, problems
+from acquire.session.verification import clock_jumps
 from acquire.storage import check_room, free_bytes
 
 if TYPE_CHECKING:
-    from acquire.proof import FrameProof
     from acquire.sequencer import Outcome
 
 BenchOption = Annotated[
@@ -52,7 +49,6 @@ def register(app: typer.Typer) -> None:
     app.command("plan")(plan_command)
     app.command("capture")(capture_command)
     app.command("import")(import_command)
-    app.command("verify")(verify_command)
 
 
 def plan_command(
@@ -147,101 +143,6 @@ def import_command(
     for note in session.record.source.notes if session.record.source else ():
         tell(note, "note")
     typer.echo(f"next: lumisplit process {out} --out RESULT")
-
-
-def verify_command(
-    folder: Annotated[Path, typer.Argument(metavar="SESSION|FILE")],
-    images: Annotated[
-        bool, typer.Option("--images", help="Judge again whether every frame shows its pattern.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Check every file and every digest of a session, and what its frames show."""
-    from acquire.proof import camera_clock_jumps, examine, verdict
-
-    if folder.is_file():
-        _verify_packed(folder, images=images, as_json=as_json, quiet=quiet)
-        return
-    session = Session.open(folder)
-    found: list[str] = []
-    damaged: list[int] = []
-    proofs: list[FrameProof] = []
-    with ProgressDisplay(quiet=quiet, verbose=verbose) as progress:
-        progress.stage("verifying", len(session.lines))
-        for number, problem in enumerate(problems(session)):
-            if problem is not None:
-                found.append(problem)
-                damaged += [number] if number < len(session.lines) else []
-            progress.advance()
-        if images and not found:
-            progress.stage("judging", len(session.frames))
-            proofs = list(examine(session, progress.advance))
-    wrong = [proof for proof in proofs if proof.is_wrong]
-    befell = [*happenings(session), *camera_clock_jumps(session)]
-    advice = remedy(session, damaged[0]) if damaged else None
-    state = (
-        "complete" if session.complete else f"{len(session.frames)} of {len(session.plan)} frames"
-    )
-    if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "session": str(folder),
-                    "complete": session.complete,
-                    "frames": len(session.frames),
-                    "problems": found,
-                    "remedy": advice,
-                    "runs": befell,
-                    "wrong_frames": [proof.model_dump(mode="json") for proof in wrong],
-                    "figures": [proof.model_dump(mode="json") for proof in proofs],
-                    "verdict": list(verdict(session, proofs)) if images else None,
-                },
-                indent=1,
-            )
-        )
-    else:
-        for line in [*befell, *found, *(_in_words(session, proof) for proof in wrong)]:
-            typer.echo(line)
-        for line in verdict(session, proofs) if images and not found else ():
-            typer.echo(line)
-        if advice:
-            typer.echo(advice)
-        count = len(found) + len(wrong)
-        typer.echo(f"{folder}: {state}, " + (f"{count} problem(s)" if count else _sound(images)))
-    if found or wrong:
-        raise typer.Exit(1)
-
-
-def _verify_packed(path: Path, *, images: bool, as_json: bool, quiet: bool) -> None:
-    if images:
-        raise SessionError(f"{path} is packed: `lumisplit unpack` it to judge its frames.")
-    with bag.opened(path) as content, ProgressDisplay(quiet=quiet) as progress:
-        progress.stage("verifying", len(content.manifest))
-        found = []
-        for problem in bag.problems(content):
-            found += [problem] if problem else []
-            progress.advance()
-    if as_json:
-        files = len(content.manifest)
-        typer.echo(json.dumps({"bag": str(path), "files": files, "problems": found}, indent=1))
-    else:
-        for line in found:
-            typer.echo(line)
-        count = f"{len(found)} problem(s)" if found else "every digest is right"
-        typer.echo(f"{path}: {len(content.manifest)} files, {count}")
-    if found:
-        raise typer.Exit(1)
-
-
-def _sound(images: bool) -> str:
-    return "every digest is right" + (", no frame shows anything wrong" if images else "")
-
-
-def _in_words(session: Session, proof: FrameProof) -> str:
-    frame = session.frames[proof.step]
-    return f"{session.folder / frame.file} (step {proof.step}, {frame.pattern}): {proof.in_words}"
 
 
 def run_capture(

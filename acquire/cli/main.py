@@ -12,7 +12,16 @@ from typing import Annotated
 
 import typer
 
-from acquire.cli import bench, calibrating, capturing, devices, packing, processing, results
+from acquire.cli import (
+    bench,
+    calibrating,
+    capturing,
+    devices,
+    packing,
+    processing,
+    results,
+    verifying,
+)
 from acquire.errors import LumisplitError
 from drivers.errors import DriverError
 
@@ -27,6 +36,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 capturing.register(app)
+verifying.register(app)
 bench.register(app)
 processing.register(app)
 packing.register(app)

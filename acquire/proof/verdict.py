@@ -89,7 +89,7 @@ def _since(
 def _steadiness(session: Session, proofs: Sequence[FrameProof]) -> Iterator[str]:
     """Drift by the white frames, where they were repeated, and how far all frames lie from it."""
     known = [proof for proof in proofs if proof.light is not None and not proof.is_wrong]
-    order = np.array([_order(session, proof) for proof in known], np.float64)
+    order = np.array([session.order(session.frames[proof.step]) for proof in known], np.float64)
     light = np.array([proof.light for proof in known], np.float64)
     patterns = session.plan.patterns
     is_white = np.array([patterns[proof.step].family is Family.WHITE for proof in known], bool)
@@ -111,12 +111,6 @@ def _steadiness(session: Session, proofs: Sequence[FrameProof]) -> Iterator[str]
     rest = float(np.std((light - usual)[~is_white])) if (~is_white).any() else 0.0
     if rest > UNSTEADY_AT:
         yield f"The light of single frames varies by {rest:.1%} (standard deviation): flicker."
-
-
-def _order(session: Session, proof: FrameProof) -> int:
-    """Place among all exposures."""
-    frame = session.frames[proof.step]
-    return next(k for k, line in enumerate(session.lines) if line == frame)
 
 
 def _course(order: Array, light: Array) -> Trace:

@@ -57,6 +57,7 @@ class Session:
         self.record = record
         self.frames: list[FrameRecord] = []
         self.lines: list[FrameRecord] = []
+        self._orders: dict[tuple[int, int], int] = {}
 
     @classmethod
     def create(cls, folder: Path, plan: Plan, record: SessionRecord) -> Session:
@@ -148,7 +149,7 @@ class Session:
         for frame in dropped:
             with storage(self.folder):
                 (self.folder / frame.file).unlink(missing_ok=True)
-        self.lines, self.frames = [], []
+        self.lines, self.frames, self._orders = [], [], {}
         for frame in kept:
             self._take_in(frame)
 
@@ -198,6 +199,10 @@ class Session:
             return said[-1]
         with storage(self.folder):
             return FILLED if disk_usage(self.folder).free < FULL_BYTES else INTERRUPTED
+
+    def order(self, frame: FrameRecord) -> int:
+        """Place of a frame among all exposures, those included that were taken again."""
+        return self._orders[frame.step, frame.attempt]
 
     def read(self, frame: FrameRecord) -> bytes:
         """The camera's bytes of a frame, checked against their digest."""
@@ -257,6 +262,7 @@ class Session:
         self._take_in(frame)
 
     def _take_in(self, frame: FrameRecord) -> None:
+        self._orders[frame.step, frame.attempt] = len(self.lines)
         self.lines.append(frame)
         if frame.step < len(self.frames):
             self.frames[frame.step] = frame

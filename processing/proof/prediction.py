@@ -163,23 +163,20 @@ def predict(
     values = frames.astype(np.float64)
     middle = _middle(values, covariance, trusted, anchor)
     variance = noise.at(middle)
-    whole = Parts.whole(len(middle))
-    contrast = float(contrast_of(values - middle, covariance, trusted, variance, whole)[0])
+    contrast = _whole_contrast(values - middle, covariance, trusted, variance)
     nugget = max(float(variance.mean()) / contrast, LEAST_NUGGET) if contrast > 0 else 1.0
     weights, explained = _weights(covariance, trusted, nugget)
     pairs = [pair for pair in complements(covariance) if trusted[list(pair)].all()]
     # The mean of frames of unequal light knows less of it than white.
     due = middle if anchor is None else anchor
-    singles = whole_light(values, due)
-    if not pairs and explained.min() >= EXACT_FROM:
-        singles = joint_gains(values, due, weights, trusted, singles)
-    gains = pair_gains(values, due, pairs, singles)
+    exact = bool(explained.min() >= EXACT_FROM)
+    gains = _gains(values, due, pairs, weights, trusted if exact else None)
     if anchor is None and trusted.any():
         gains = gains / np.median(gains[trusted])
     values /= gains[:, np.newaxis]
     middle = _middle(values, covariance, trusted, anchor)
     deviations = values - middle
-    contrast = float(contrast_of(deviations, covariance, trusted, variance, whole)[0])
+    contrast = _whole_contrast(deviations, covariance, trusted, variance)
     residuals = deviations - weights @ deviations
     moved = movements(residuals, slopes)
     left = contrast * np.diag(covariance) * (1 - explained)
@@ -196,6 +193,20 @@ def predict(
         noise_gain=_noise_gain(weights, len(pairs), anchor is not None),
         contrast=contrast,
     )
+
+
+def _gains(
+    values: Array,
+    due: Array,
+    pairs: Sequence[tuple[int, int]],
+    weights: Array,
+    exact: NDArray[np.bool_] | None,
+) -> Array:
+    """Lamp and exposure of each frame; `exact`: the trusted ones, where all predict each other."""
+    singles = whole_light(values, due)
+    if not pairs and exact is not None:
+        singles = joint_gains(values, due, weights, exact, singles)
+    return pair_gains(values, due, pairs, singles)
 
 
 def movements(residuals: Array, slopes: Array) -> Array:
@@ -305,6 +316,13 @@ def contrast_of(
     power = np.maximum(np.diag(among), 1e-3 * np.diag(covariance)[chosen])
     contrast: Array = np.median(squares / power[:, np.newaxis], axis=0)
     return np.maximum(contrast, 0)
+
+
+def _whole_contrast(
+    deviations: Array, covariance: Array, trusted: NDArray[np.bool_], noise: Array
+) -> float:
+    whole = Parts.whole(deviations.shape[1])
+    return float(contrast_of(deviations, covariance, trusted, noise, whole)[0])
 
 
 def _weights(covariance: Array, trusted: NDArray[np.bool_], nugget: float) -> tuple[Array, Array]:

@@ -172,9 +172,8 @@ def test_a_part_of_a_session_is_corrected_as_far_as_references_go(tmp_path: Path
 
 def test_frames_of_unknown_order_are_not_corrected(drifted: Session, tmp_path: Path) -> None:
     source = SourceRecord(table="t.csv", table_sha256="0" * 64, transfer=Transfer.RAW)
-    record = drifted.record.model_copy(update={"source": source})
-    session = Session(drifted.folder, drifted.plan, record)
-    session.frames, session.lines = drifted.frames, drifted.lines
+    session = Session.open(drifted.folder)
+    session.record = session.record.model_copy(update={"source": source})
     result = process(session, tmp_path / "r", Options("iva"), Silent())
     assert result.record.drift is not None
     assert not result.record.drift.corrected
