@@ -66,7 +66,7 @@ class CheckerContrast:
         size = np.abs(self._waves[:, usable]).sum(axis=1, dtype=np.float64) / self._n_frames
         whole = white[usable].sum(axis=0, dtype=np.float64)
         # f = ½W(1 + s s'), whose harmonic over the shifts is ½W·(4/π)²/4 a diagonal.
-        return np.asarray(size / (0.5 * whole * _IDEAL), np.float64)
+        return _without_aliases(size / (0.5 * whole * _IDEAL))
 
     def extremes(self, white: Image, usable: NDArray[np.bool_]) -> Array:
         """(colours,): largest less smallest value over white, what max/min takes for direct."""
@@ -138,7 +138,6 @@ def fit_contrast(pitch_px: Array, modulation: Array, extremes: Array) -> Contras
         raise ValueError(
             f"{len(pitch_px)} pitches, modulation {modulation.shape}, extremes {extremes.shape}"
         )
-    modulation = _without_aliases(modulation)
     _check(pitch_px, modulation)
     rate = (np.pi / pitch_px) ** 2
     sides, skews, errors = np.zeros((3, n_colours))

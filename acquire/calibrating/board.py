@@ -1,28 +1,33 @@
-"""Calibration of the whole optical path on a flat matte board: contrast against pitch."""
+"""Calibration of the whole optical path on a flat matte board: contrast against pitch.
+
+Frames that were captured by its own plan are correlated with the checker. Others, of an imported
+stack or of the scene's plan, tell the contrast by complementary pairs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquire.calibrating.finding import Finding, Plot, Setting
 from acquire.calibrating.light import References, Viewer
+from acquire.calibrating.pairs import STRIPES, Paired, paired
 from acquire.calibrating.plots import curves_plot, points_plot
-from acquire.errors import ProfileError
 from acquire.plan import Plan, ProfileKind
 from acquire.plan_file import BLACK, WHITE
 from acquire.profile_file import COLOURS, Curve, Quantity, numbers
-from acquire.session import Session
+from acquire.session import FrameRecord, Session
 from calibration.contrast import USABLE, CheckerContrast, Contrast, fit_contrast
-from processing.patterns import Family, Pattern
+from processing.patterns import Family, Pattern, shift_grid
 
 PITCHES_PX = (4, 8, 12, 16, 24, 32, 48)
 DOWN, RIGHT = 8, 4
 BLOCKS = 4
 WARNED_UNEVEN = 0.1
+WARNED_GAIN = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +48,8 @@ class BoardCalibration:
         for pitch_px in PITCHES_PX:
             if pitch_px > min(setting.resolution) // 2:
                 continue
-            for down in range(DOWN):
-                for right in range(RIGHT):
-                    shift = (2 * pitch_px * down // DOWN, pitch_px * right // RIGHT)
-                    patterns.append(Pattern(Family.CHECKER, pitch_px, *shift))
+            shifts = shift_grid(pitch_px, (DOWN, RIGHT))
+            patterns += [Pattern(Family.CHECKER, pitch_px, *shift) for shift in shifts]
             patterns += [WHITE, BLACK]
         return Plan(camera=setting.camera, projector=setting.projector, patterns=tuple(patterns))
 
@@ -54,6 +57,8 @@ class BoardCalibration:
         """Harmonics of every pitch, one pitch held at a time."""
         viewer = Viewer(sessions[0], frame_done)
         seen = viewer.references()
+        if not _is_own_plan(sessions[0].frames):
+            return _of_pairs(paired(viewer, seen, BLOCKS), _lamp(seen))
         pitches = sorted({f.pattern.pitch_px for f in viewer.all_of(Family.CHECKER)})
         modulation, extremes, blocks = [], [], []
         for pitch_px in pitches:
@@ -64,18 +69,50 @@ class BoardCalibration:
         found = fit_contrast(
             np.array(pitches, np.float64), np.array(modulation), np.array(extremes)
         )
-        lamp = float(np.ptp(seen.white_levels.sum(axis=1)) / seen.white_levels.sum(axis=1).mean())
-        return _finding(found, np.array(blocks), lamp)
+        return _finding(found, np.array(blocks), _lamp(seen), ())
+
+
+def _is_own_plan(frames: Sequence[FrameRecord]) -> bool:
+    """Whether every pitch of checkers has the shifts of `BoardCalibration.plan`, each once."""
+    shifts: dict[int, list[tuple[int, int]]] = {}
+    for pattern in (frame.pattern for frame in frames):
+        if pattern.family is Family.CHECKER:
+            shift = pattern.shift_y_px, pattern.shift_x_px
+            shifts.setdefault(pattern.pitch_px, []).append(shift)
+    return bool(shifts) and all(
+        sorted(found) == sorted(shift_grid(pitch_px, (DOWN, RIGHT)))
+        for pitch_px, found in shifts.items()
+    )
+
+
+def _lamp(seen: References) -> float:
+    """Range of white over the capture, part of its mean."""
+    levels = seen.white_levels.sum(axis=1)
+    return float(np.ptp(levels) / levels.mean())
+
+
+def _of_pairs(told: Paired, lamp: float) -> Finding:
+    found = fit_contrast(told.pitch_px, told.modulation, told.extremes)
+    warnings = []
+    if max(abs(gain - 1) for gain in told.gains) > WARNED_GAIN:
+        low, high = (100 * (gain - 1) for gain in told.gains)
+        warnings.append(
+            f"Pairs of complements miss white by {low:+.1f} to {high:+.1f} %: exposure, gain or "
+            "lamp changed. Each pair's contrast is taken in its own light; fractions of light "
+            "that was captured like that are off by as much."
+        )
+    if told.ways in {(way,) for way in STRIPES}:
+        warnings.append(
+            f"Only {told.ways[0]} tell of two pitches: blur in the other direction is taken to be "
+            "the same."
+        )
+    elif told.ways == STRIPES:
+        found = replace(found, skew_px2=np.zeros_like(found.skew_px2))
+    return _finding(found, told.blocks, lamp, warnings)
 
 
 def _contrast(viewer: Viewer, pitch_px: int, seen: References) -> CheckerContrast:
     frames = [f for f in viewer.all_of(Family.CHECKER) if f.pattern.pitch_px == pitch_px]
-    shifts = {(f.pattern.shift_y_px, f.pattern.shift_x_px) for f in frames}
-    if len(shifts) != DOWN * RIGHT or len(frames) != len(shifts):
-        raise ProfileError(
-            f"{viewer.session.folder}: pitch {pitch_px} has {len(frames)} frames, not the "
-            f"{DOWN} × {RIGHT} shifts of `lumisplit calibrate board`."
-        )
     height, width, colours = seen.white.shape
     contrast = CheckerContrast(pitch_px, (height, width, colours))
     for frame, image in viewer.images(frames):
@@ -84,7 +121,9 @@ def _contrast(viewer: Viewer, pitch_px: int, seen: References) -> CheckerContras
     return contrast
 
 
-def _finding(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Finding:
+def _finding(
+    found: Contrast, blocks: NDArray[np.float64], lamp: float, warnings: Sequence[str]
+) -> Finding:
     columns = {"pitch_px": numbers(found.pitch_px)}
     for k, name in enumerate(COLOURS):
         columns |= {
@@ -101,7 +140,7 @@ def _finding(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Findi
         quantities=_quantities(found),
         curves={"contrast": contrast},
         maps={"modulation_blocks": blocks},
-        warnings=tuple(_warnings(found, blocks, lamp)),
+        warnings=(*warnings, *_warnings(found, blocks, lamp)),
         plots=_plots(found),
     )
 

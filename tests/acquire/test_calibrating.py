@@ -22,11 +22,14 @@ from acquire.calibrating.run import Calibrated, capture_all
 from acquire.calibrating.sensor import DarkCalibration, NoiseCalibration
 from acquire.cli.progress import ProgressDisplay
 from acquire.errors import ProfileError
-from acquire.plan import CameraPlan, ProjectorPlan
+from acquire.plan import CameraPlan, Plan, ProjectorPlan
+from acquire.plan_file import BLACK, WHITE
 from acquire.profile_file import check_applies, read_maps, read_profile
+from acquire.recording import record
 from acquire.rig.simulated import simulated_bench
 from calibration.poses import Chessboard
 from drivers.sim.devices import SimulationConfig, build
+from processing.patterns import Family, Pattern, shift_grid
 from tests.acquire.captures import Notes
 
 SIM = SimSection(
@@ -154,6 +157,51 @@ def test_board_to_one_per_cent(tmp_path: Path) -> None:
     )
     assert np.abs(measured - truth).max() < 0.01
     assert 6 < value(found, "finest_px") < 12
+
+
+SMALL = {"camera_px": (48, 48), "projector_px": (144, 192)}
+PITCHES_PX = (4, 8, 12, 16, 24, 32)
+TWO_POSITIONS = [
+    Pattern(family, pitch_px, k * pitch_px * family.varies_down, k * pitch_px * family.varies_right)
+    for family in (Family.STRIPES_ROWS, Family.STRIPES_COLUMNS)
+    for pitch_px in PITCHES_PX
+    for k in (0, 1)
+]
+AS_A_SCENE = [
+    Pattern(Family.CHECKER, pitch_px, *shift)
+    for pitch_px in PITCHES_PX
+    for shift in shift_grid(pitch_px, (6, 6))
+]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "within"),
+    [
+        # Which places in the stripes 48 pixels happen to see is some percent of a period.
+        pytest.param(TWO_POSITIONS, 0.03, id="stripes in two positions"),
+        pytest.param(AS_A_SCENE, 0.01, id="the plan of a scene"),
+    ],
+)
+def test_a_board_that_was_captured_with_another_plan(
+    tmp_path: Path, patterns: list[Pattern], within: float
+) -> None:
+    bench = simulated_bench(SIM.model_copy(update={**SMALL, "blur_px": 1.0}))
+    plan = Plan(patterns=(WHITE, BLACK, *patterns))
+    session, _ = record(plan, bench, tmp_path / "s", Notes(), Notes().stop)
+    finding = BoardCalibration().fit([session], lambda: None)
+    columns = finding.curves["contrast"].columns
+    pitches = np.array(columns["pitch_px"], np.float64)
+    assert list(pitches) == list(PITCHES_PX)
+    measured = np.array([columns[f"modulation_{c}"] for c in ("red", "green", "blue")], np.float64)
+    assert np.abs(measured.T - board_truth(pitches, 1.0)).max() < within
+
+
+def test_a_board_without_complements_is_refused(tmp_path: Path) -> None:
+    bench = simulated_bench(SIM.model_copy(update=SMALL))
+    plan = Plan(patterns=(WHITE, BLACK, *TWO_POSITIONS[::2]))
+    session, _ = record(plan, bench, tmp_path / "s", Notes(), Notes().stop)
+    with pytest.raises(ProfileError, match="no two pitches of checkers or stripes with their comp"):
+        BoardCalibration().fit([session], lambda: None)
 
 
 def test_geometry_finds_the_projector_pixel_of_every_camera_pixel(tmp_path: Path) -> None:
