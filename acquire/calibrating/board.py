@@ -28,6 +28,7 @@ DOWN, RIGHT = 8, 4
 BLOCKS = 4
 WARNED_UNEVEN = 0.1
 WARNED_GAIN = 0.02
+WARNED_MISFIT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +154,15 @@ def _warnings(found: Contrast, blocks: NDArray[np.float64], lamp: float) -> Iter
             f"At pitch {found.pitch_px[telling]:g} px the modulation differs by {uneven:.0%} over "
             "the picture: the board is tilted or the focus uneven. One curve is used for all of it."
         )
+    missed = np.abs(found.misfit)
+    if missed.max() > WARNED_MISFIT:
+        worst, colour = np.unravel_index(missed.argmax(), missed.shape)
+        yield (
+            f"At pitch {found.pitch_px[worst]:g} px the modulation in {COLOURS[colour]} is off "
+            f"what blur alone would leave by {found.misfit[worst, colour]:+.0%} of white: the "
+            "board scatters light below its surface, is not flat, or is lit by what stands around "
+            "it. Use a matte opaque board, or take the curve as that of this object."
+        )
     if lamp > 0.01:
         yield f"White changed by {lamp:.1%} during the capture; contrast is off by as much."
 
@@ -186,7 +196,7 @@ def _quantities(found: Contrast) -> dict[str, Quantity]:
 
 def _plots(found: Contrast) -> tuple[Plot, ...]:
     mean = found.modulation.mean(axis=1)
-    fine = np.linspace(found.pitch_px.min(), found.pitch_px.max(), 100)
+    fine = np.geomspace(found.pitch_px.min(), found.pitch_px.max(), 100)
     fitted = np.exp(-((np.pi / fine[:, np.newaxis]) ** 2) * found.side_px2)
     return (
         Plot(

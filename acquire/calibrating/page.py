@@ -7,6 +7,7 @@ from pathlib import Path
 
 from acquire.calibrating.finding import Plot
 from acquire.calibrating.run import Calibrated
+from acquire.profile_file import Profile
 from acquire.report.page import render_page
 from acquire.report.settings import Rows
 from acquire.session.folder import write_durably
@@ -68,16 +69,22 @@ def sheet(calibrated: Calibrated, purpose: str) -> Sheet:
             ("kind", profile.kind),
             ("measured", profile.measured),
             ("bench", str(profile.bench.get("kind", "?"))),
-            ("exposure", f"{profile.camera.exposure_s:g} s"),
-            (
-                "aperture",
-                "–" if profile.camera.aperture is None else f"f/{profile.camera.aperture:g}",
-            ),
-            ("ISO", "–" if profile.camera.iso is None else str(profile.camera.iso)),
+            *_settings(profile),
             *(
                 (f"session {number}", f"{use.frames} frames, {use.frames_sha256[:16]}…")
                 for number, use in enumerate(profile.sessions, 1)
             ),
             *((name, version) for name, version in profile.versions.items()),
         ),
+    )
+
+
+def _settings(profile: Profile) -> tuple[tuple[str, str], ...]:
+    if profile.bench.get("kind") == "import":
+        return (("exposure, aperture, ISO", "unknown: imported"),)
+    camera = profile.camera
+    return (
+        ("exposure", f"{camera.exposure_s:g} s"),
+        ("aperture", "–" if camera.aperture is None else f"f/{camera.aperture:g}"),
+        ("ISO", "–" if camera.iso is None else str(camera.iso)),
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import ScalarFormatter
 from numpy.typing import NDArray
 
 from acquire.report.figures import FAINT, PALETTE, Drawing, drawn, svg
@@ -19,12 +21,20 @@ def _colours(count: int) -> tuple[tuple[str, str], ...]:
     return tuple(zip(NAMES, RGB, strict=True)) if count == 3 else ((("all"), "#22262b"),)
 
 
+def _spread(axes: Axes, x: Array) -> None:
+    """Powers of two apart alike where x goes over five of them and more, as pitches do."""
+    if x.min() > 0 and x.max() >= 32 * x.min():
+        axes.set_xscale("log", base=2)
+        axes.xaxis.set_major_formatter(ScalarFormatter())
+
+
 def points_plot(x: Array, y: Array, x_label: str, y_label: str) -> Drawing:
     """Points, (n,) against (n, colours)."""
     with drawn(5.7, 3.2) as (figure, axes):
         axes.axhline(0, color=FAINT, linewidth=0.8)
         for k, (name, colour) in enumerate(_colours(y.shape[1])):
             axes.plot(x, y[:, k], "o-", c=colour, ms=3, lw=1.2, label=name)
+        _spread(axes, x)
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
         axes.grid(axis="y")
@@ -43,6 +53,7 @@ def curves_plot(
         for k, (name, colour) in enumerate(_colours(measured.shape[1])):
             axes.plot(fitted_x, fitted[:, k], "-", c=colour, lw=1.2)
             axes.plot(x, measured[:, k], "o", c=colour, ms=3.5, label=name)
+        _spread(axes, x)
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
         axes.grid(axis="y")
