@@ -36,7 +36,7 @@ from benchmarks.rendered_captures import (
     projector_px_per_camera_px,
     rendered_parts,
 )
-from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON, scenery
+from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON, UNTOUCHED, scenery
 from benchmarks.rendering import RenderedParts
 from processing.frames.noise_lines import noise_lines
 from processing.metrics import errors_of, oracle, relative_error
@@ -270,7 +270,7 @@ def _named(names: tuple[str, ...], components: Image) -> Image:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", nargs="+", default=[*TUNED_ON, *HELD_OUT])
+    parser.add_argument("--scenes", nargs="+", default=[*TUNED_ON, *HELD_OUT, *UNTOUCHED])
     parser.add_argument("--baselines", nargs="+", default=list(BASELINES), choices=BASELINES)
     parser.add_argument("--conditions", nargs="+", default=["noise-free", "noisy", "blurred"])
     parser.add_argument("--cache", type=Path, required=True, help="keeps what was rendered")

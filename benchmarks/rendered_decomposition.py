@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.decomposition import Captured
 from benchmarks.rendered_captures import CONDITIONS, captures
-from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
+from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON, UNTOUCHED
 from processing.metrics import errors_of, oracle, relative_error
 from processing.ranges.decomposition import decompose_ranges
 from processing.ranges.result import RangeDecomposition
@@ -65,7 +65,7 @@ def row(label: str, run: Captured, found: RangeDecomposition) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", nargs="+", default=[*TUNED_ON, *HELD_OUT])
+    parser.add_argument("--scenes", nargs="+", default=[*TUNED_ON, *HELD_OUT, *UNTOUCHED])
     parser.add_argument("--baselines", nargs="+", default=list(BASELINES), choices=BASELINES)
     parser.add_argument("--conditions", nargs="+", default=list(CONDITIONS), choices=CONDITIONS)
     parser.add_argument("--cache", type=Path, required=True, help="keeps what was rendered")
