@@ -246,9 +246,7 @@ def _attic() -> list[Solid]:
         Solid(
             BOX, (0.0, -0.95, 3.4), (3.0, 0.04, 1.5), (0.0, -0.75, 0.1), (SAND, DARK), CHECKS, 3.0
         ),
-        Solid(
-            BOX, (-1.15, 0.0, 3.2), (0.05, 3.0, 2.0), (0.15, 0.0, 0.0), (LIGHT, RED), WAVES, 2.0
-        ),
+        Solid(BOX, (-1.15, 0.0, 3.2), (0.05, 3.0, 2.0), (0.15, 0.0, 0.0), (LIGHT, RED), WAVES, 2.0),
         Solid(BOX, (0.0, 0.9, 3.0), (3.0, 0.05, 3.0), colours=(SAND, LIGHT), texture=WAVES),
     ]
     sheet = Solid(

@@ -30,7 +30,14 @@ from processing.numerics.threads import in_threads
 from processing.ranges.accounts import opaque, spread_grid, translucent
 from processing.ranges.blur import Blur
 from processing.ranges.correspondence import Correspondence, decode
-from processing.ranges.depth_edges import Seen, Setting, fit_two_places, near_jumps, seen_beside
+from processing.ranges.depth_edges import (
+    Seen,
+    Setting,
+    fit_two_places,
+    near_jumps,
+    places_beside,
+    seen_beside,
+)
 from processing.ranges.footprints import footprints
 from processing.ranges.near_light import NearLight
 from processing.ranges.optics import (
@@ -317,12 +324,14 @@ def _settle_edges(
         light = white[lines][chosen].astype(np.float64)
         places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
         gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])
-        seen = Seen(harmonics, places, gains, light, optics.variance(light))
-        two = fit_two_places(setting, seen)
-        pixels = np.stack(np.nonzero(chosen))[:, two.pixels]
+        pixels = np.stack(np.nonzero(chosen))
         pixels[0] += lines.start
-        beside = seen_beside(places_px, pixels, two.second_px, scale_px)
-        two, pixels = two.only(beside), pixels[:, beside]
+        variance = optics.variance(light)
+        beside = places_beside(places_px, pixels)
+        two = fit_two_places(setting, Seen(harmonics, places, gains, light, variance, beside))
+        pixels = pixels[:, two.pixels]
+        believed = two.hopeless | seen_beside(places_px, pixels, two.second_px, scale_px)
+        two, pixels = two.only(believed), pixels[:, believed]
         fits.correct(
             pixels,
             light[two.pixels].astype(np.float32),

@@ -1,12 +1,17 @@
 """Pixels that see two places: across a depth edge, the footprint lies on two surfaces.
 
-One place explains the harmonics of such a pixel badly. What it leaves over is decoded once more,
-which gives the second place, and both are then fitted together,
+One place explains the harmonics of such a pixel badly. The second place is what is left over
+decodes to, or a neighbour's place, whichever explains them better, and both are then fitted
+together,
 
     Z = ½ Σ_j Σ_r x_jr Z_r(place j),    x ≥ 0,    Σ_j Σ_r x_jr = white,
 
-and refined in turn, each on what the other leaves. Direct light is the sum of both x_j0. The
-account of two places is believed only where it explains the harmonics much better than one does.
+and refined in turn, each on what the other leaves. Direct light is the sum of both x_j0.
+
+The account of two places is believed where it explains the harmonics much better than one does and
+a neighbour sees the second place; and, whatever it finds, where one place explains them hopelessly:
+there the footprint is drawn out over many projector pixels, as at the rim of a round object, and
+what a single place would lose of the direct light is far more than two can feign.
 """
 
 from __future__ import annotations
@@ -35,6 +40,8 @@ _ROUNDS = 3
 # χ² a degree of freedom from which a second place is looked for; what two places must leave of it.
 _SUSPECT = 2.0
 _MOST_LEFT = 0.6
+# χ² a degree of freedom from which one place is no account at all.
+_HOPELESS = 5.0
 # In camera pixels: what is a jump on the projector, how far from one footprints are divided, how
 # far to look for a neighbour that sees the second place, and how well they must agree.
 _JUMP_PX = 2.0
@@ -79,6 +86,8 @@ class Seen:
         (n, pitches, 2, colours), see `processing.ranges.blur.Blur.gains`.
     white, variance
         (n, colours), the second of the noise of a frame.
+    beside
+        (2, n, neighbours), `places_beside`.
     """
 
     harmonics: Harmonics
@@ -86,6 +95,7 @@ class Seen:
     gains: Array
     white: Array
     variance: Array
+    beside: Array
 
     def only(self, pixels: NDArray[np.int64]) -> Seen:
         """Some of them."""
@@ -95,12 +105,13 @@ class Seen:
             self.gains[pixels],
             self.white[pixels],
             self.variance[pixels],
+            self.beside[:, pixels],
         )
 
 
 @dataclass(frozen=True, slots=True)
 class TwoPlaces:
-    """Those m of n pixels that two places explain much better than one does.
+    """Those m of n pixels that two places explain much better than one does, or one not at all.
 
     Parameters
     ----------
@@ -110,12 +121,15 @@ class TwoPlaces:
         float64, (2, m): y and x of the second place.
     direct_light, deviations
         float64, (m, colours): direct light of both, and its standard error.
+    hopeless
+        bool, (m,): one place explains nothing.
     """
 
     pixels: NDArray[np.int64]
     second_px: Array
     direct_light: Array
     deviations: Array
+    hopeless: NDArray[np.bool_]
 
     def only(self, kept: NDArray[np.bool_]) -> TwoPlaces:
         """Some of them, `kept`, (m,)."""
@@ -124,6 +138,7 @@ class TwoPlaces:
             self.second_px[:, kept],
             self.direct_light[kept],
             self.deviations[kept],
+            self.hopeless[kept],
         )
 
 
@@ -133,16 +148,32 @@ def fit_two_places(setting: Setting, seen: Seen) -> TwoPlaces:
     degrees = 4 * len(setting.designs) * seen.white.shape[1]
     suspect = np.flatnonzero(alone.chi2 > _SUSPECT * degrees)
     seen, left = seen.only(suspect), alone.left[0][:, :, suspect]
-    first = seen.places
-    second = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
+    first, second = seen.places, _best_start(setting, seen, left)
+    left = _Fit.of(setting, seen, (first, second)).left[0]
     for _ in range(_ROUNDS):
         second = refined(left, setting.tables, second)
         both = _Fit.of(setting, seen, (first, second))
         first = refined(both.left[1], setting.tables, first)
         both = _Fit.of(setting, seen, (first, second))
         left = both.left[0]
-    two = TwoPlaces(suspect, second.mean(axis=-1), both.direct_light, both.deviations)
-    return two.only(both.chi2 < _MOST_LEFT * alone.chi2[suspect])
+    hopeless = alone.chi2[suspect] > _HOPELESS * degrees
+    two = TwoPlaces(
+        suspect, second.mean(axis=-1), both.direct_light, both.deviations, hopeless
+    )  # fmt: skip
+    return two.only(hopeless | (both.chi2 < _MOST_LEFT * alone.chi2[suspect]))
+
+
+def _best_start(setting: Setting, seen: Seen, left: Harmonics) -> Array:
+    """The second places, (2, n, colours), that explain best beside the first before any step."""
+    rough = decode_residual(left, setting.designs, setting.tables, setting.projector_px)
+    best = refined(left, setting.tables, rough)
+    least = _Fit.of(setting, seen, (seen.places, best)).chi2
+    for beside in np.moveaxis(seen.beside, -1, 0):
+        start = np.repeat(beside[..., np.newaxis], best.shape[-1], axis=-1)
+        chi2 = _Fit.of(setting, seen, (seen.places, start)).chi2
+        better = chi2 < least
+        best[:, better], least[better] = start[:, better], chi2[better]
+    return best
 
 
 def near_jumps(
@@ -171,6 +202,29 @@ def near_jumps(
     side = 2 * _REACH_PX - 1
     near: NDArray[np.bool_] = ndimage.binary_dilation(jumps, np.ones((side, side), bool)) & mask
     return near
+
+
+def places_beside(places_px: NDArray[np.floating], pixels: NDArray[np.int64]) -> Array:
+    """Places of the eight neighbours, float64, (2, n, 8); a pixel's own where there is none.
+
+    Parameters
+    ----------
+    places_px
+        (2, height, width), y and x; NaN where there is none.
+    pixels
+        (2, n): rows and columns.
+    """
+    height, width = places_px.shape[1:]
+    own = places_px[:, pixels[0], pixels[1]]
+    found = []
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            if down or right:
+                row = np.clip(pixels[0] + down, 0, height - 1)
+                column = np.clip(pixels[1] + right, 0, width - 1)
+                place = places_px[:, row, column]
+                found.append(np.where(np.isfinite(place).all(axis=0), place, own))
+    return np.stack(found, axis=-1).astype(np.float64)
 
 
 def seen_beside(
