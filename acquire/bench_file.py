@@ -46,6 +46,8 @@ class SimSection(StrictModel):
     ambient: float = Field(default=0.0, ge=0, le=10)
     move_px: float = Field(default=0.0, ge=-1000, le=1000)
     shade: float = Field(default=0.0, ge=0, lt=1)
+    slip_px: int = Field(default=0, ge=-8192, le=8192)
+    zoom: float = Field(default=1.0, ge=-20, le=20)
     iso_turned: int | None = Field(default=None, ge=25, le=51200)
     real_time: bool = False
 

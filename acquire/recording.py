@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from acquire.errors import SessionError
 from acquire.pause import Pause
 from acquire.plan import Plan
 from acquire.plan_file import check_fits
+from acquire.profile_use import keep_profiles
 from acquire.rig import Bench, Resumption
 from acquire.sequencer import Journal, Observer, Outcome, capture
 from acquire.session import Session, SessionRecord
@@ -38,10 +40,12 @@ def record(
     *,
     keep_unproven: bool = False,
     mend: bool = False,
+    profiles: Mapping[str, Path] | None = None,
 ) -> tuple[Session, Outcome]:
     """Capture a plan into a folder; goes on where an interrupted capture stopped.
 
-    With `mend` the last frames are taken again where their files were lost or damaged since.
+    With `mend` the last frames are taken again where their files were lost or damaged since. The
+    `profiles` that the plan names, their files by kind, are copied into the session.
 
     Raises
     ------
@@ -55,6 +59,7 @@ def record(
     check_fits(plan, bench.resolution, bench.name)
     with Session.locked(folder):
         session = _session(plan, bench, folder)
+        keep_profiles(profiles or {}, folder)
         repairs = recover(session, mend=mend)
         missing = len(plan) - len(session.frames)
         was_complete = session.record.runs and session.record.runs[-1].outcome == "complete"

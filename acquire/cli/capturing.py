@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -101,28 +102,24 @@ def capture_command(
     verbose: Verbose = False,
 ) -> None:
     """Capture a plan; give the same command again to go on where it stopped."""
-    from acquire.profile_use import check_profiles, keep_profiles, plan_with_profiles
+    from acquire.profile_use import check_profiles, plan_with_profiles
     from acquire.recording import described
 
     (plan, profiles), bench = plan_with_profiles(plan_path), find_bench(bench_name)
     check_profiles(profiles, described(bench), plan.camera)
     where = port if page else None
     progress = ProgressDisplay(quiet=quiet, verbose=verbose)
-    try:
-        run_capture(
-            plan,
-            bench,
-            out,
-            progress,
-            keep_unproven=keep_unproven,
-            mend=mend,
-            port=where,
-            profiles=profiles,
-            as_json=as_json,
-        )
-    finally:
-        if Session.exists(out):
-            keep_profiles(profiles, out)
+    run_capture(
+        plan,
+        bench,
+        out,
+        progress,
+        keep_unproven=keep_unproven,
+        mend=mend,
+        port=where,
+        profiles=profiles,
+        as_json=as_json,
+    )
 
 
 def import_command(
@@ -159,7 +156,7 @@ def run_capture(
 ) -> Session:
     """Capture with progress, and with a page on `port` unless None; says how it went.
 
-    The page uses of the `profiles` that the plan names, their files by kind, what it needs.
+    The `profiles` that the plan names, their files by kind, are kept in the session.
 
     Exits with status 130 when it was asked to stop.
     """
@@ -168,26 +165,18 @@ def run_capture(
     from acquire.sequencer import Outcome
 
     done = len(Session.open(out).frames) if Session.exists(out) else 0
+    capture = partial(
+        record, plan, bench, out, keep_unproven=keep_unproven, mend=mend, profiles=profiles
+    )
     with stop_on_signals() as stop, progress:
         progress.stage("capturing", len(plan), done)
         if port is None:
-            session, outcome = record(
-                plan, bench, out, progress, stop, keep_unproven=keep_unproven, mend=mend
-            )
+            session, outcome = capture(progress, stop)
         else:
             setting = setting_of(bench, plan, profiles or {}, can_aim=False)
             counts = done, len(plan)
             with capture_page(setting, out, port, progress, stop, counts, aside=as_json) as page:
-                session, outcome = record(
-                    plan,
-                    bench,
-                    out,
-                    page,
-                    stop,
-                    page.pause,
-                    keep_unproven=keep_unproven,
-                    mend=mend,
-                )
+                session, outcome = capture(page, stop, page.pause)
     again = len(session.lines) - len(session.frames)
     for jump in (*clock_jumps(session), *camera_clock_jumps(session)):
         typer.echo(f"note: {jump}", err=True)

@@ -20,7 +20,6 @@ from acquire.page.desk import Desk
 from acquire.page.state import Activity, CameraView, Progress, Source
 from acquire.plan import CameraPlan, Plan
 from acquire.plan_file import BLACK
-from acquire.profile_use import keep_profiles
 from acquire.recording import record
 from acquire.rig import Bench, Resumption
 from acquire.sequencer import Observer, Outcome
@@ -207,11 +206,8 @@ class PagedBench:
     def _record(
         self, plan: Plan, bench: Bench, folder: Path, capture: CapturePage, stop: threading.Event
     ) -> tuple[Session, Outcome]:
-        try:
-            return record(plan, bench, folder, capture, stop, capture.pause)
-        finally:
-            if Session.exists(folder):
-                keep_profiles(self._job.profiles, folder)
+        profiles = self._job.profiles
+        return record(plan, bench, folder, capture, stop, capture.pause, profiles=profiles)
 
     def _look_into_session(self) -> None:
         """What an earlier run has captured."""

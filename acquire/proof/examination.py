@@ -6,13 +6,15 @@ from acquire.plan import Plan
 from acquire.proof.exposures import Exposure, Exposures
 from acquire.proof.kinds import Codes
 from acquire.proof.pattern_frames import FEWEST_PLACES, PatternFrames
-from acquire.proof.records import FrameProof, figure, plain_proof, rounded
+from acquire.proof.placement import Placement
+from acquire.proof.records import FrameProof, figure, placed_proof, plain_proof, rounded
 from acquire.proof.samples import FrameSamples
 from acquire.proof.units import FAMILIES, Unit, units_of
 from acquire.proof.white_black import LOOKED_AT, WhiteBlack, partitions_of, window_noise
 from acquire.session import FrameRecord
 from processing.patterns import Family
 from processing.proof.finding import Finding
+from processing.proof.places import Sighting
 from processing.proof.references import Reference, at_once, both_show, later_reference
 from processing.proof.registration import movement
 from processing.proof.showing import COMPUTED_NOISE
@@ -30,13 +32,23 @@ class Examination:
         What should be shown.
     projector_px
         (height, width) of the projector; None where it is not known.
+    placement
+        What the camera sees of the projector's raster; None where nobody measured it.
     """
 
-    def __init__(self, plan: Plan, projector_px: tuple[int, int] | None) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        projector_px: tuple[int, int] | None,
+        placement: Placement | None = None,
+    ) -> None:
         self.plan = plan
         self.units = units_of(plan)
         self._exposures = Exposures()
         self._codes = Codes(plan, projector_px)
+        self._placement = placement
+        # By file and by the white and black that it was compared with, as long as these are kept.
+        self._sightings: dict[tuple[str, ...], Sighting | None] = {}
         self._white: int | None = None
         self._black: int | None = None
 
@@ -54,7 +66,9 @@ class Examination:
             return self._references(unit)
         known = self._known_references(unit.steps[0])
         wrong = PatternFrames(unit, self._exposures, self._codes, known).contradicted()
-        frames = PatternFrames(unit, self._exposures, self._codes, None if wrong else known)
+        known = None if wrong else known
+        sightings = [self._sighting(self._exposures[step], known) for step in unit.steps]
+        frames = PatternFrames(unit, self._exposures, self._codes, known, sightings)
         steps = {Reference.WHITE: self._white, Reference.BLACK: self._black}
         accused = [step for one in sorted(wrong) if (step := steps[one]) is not None]
         proofs = [plain_proof(self._exposures[step], Finding.OTHER) for step in accused]
@@ -64,9 +78,16 @@ class Examination:
         """The exposure of a line that is certainly wrong by itself; None where it may be right."""
         line = self._exposures.line(number)
         finding = Finding.EXPOSED if line.contradictions else self._shows_at_once(line)
-        return None if finding is None else plain_proof(line, finding)
+        if finding is not None:
+            return plain_proof(line, finding)
+        known = self._known_references(line.record.step)
+        sighting = self._sighting(line, known) if self._exposures.counts(line) else None
+        if sighting is None or not sighting.is_wrong:
+            return None
+        return placed_proof(plain_proof(line, sighting.finding), sighting)
 
     def _shows_at_once(self, line: Exposure) -> Finding | None:
+        """By its file, its light, or where its pattern stands; None where it may be right."""
         step, samples = line.record.step, line.samples
         if self._exposures.counts(line) and self._exposures.is_repeated(step):
             return Finding.PREVIOUS if window_noise(samples) > COMPUTED_NOISE else None
@@ -81,10 +102,24 @@ class Examination:
             return None
         return at_once(samples.grid[lit], known.white.grid[lit], known.black.grid[lit])
 
+    def _sighting(self, line: Exposure, known: WhiteBlack | None) -> Sighting | None:
+        """What an exposure shows by the places that its samples see."""
+        if self._placement is None or known is None:
+            return None
+        before = self._exposures.before(line.record.step)
+        shown = None if before is None else before.record.pattern
+        references = (self._exposures[s] for s in (self._white, self._black) if s is not None)
+        key = line.record.file, *(one.record.file for one in references)
+        if key not in self._sightings:
+            pattern, samples = line.record.pattern, line.samples
+            self._sightings[key] = self._placement.sighting(pattern, samples, known, shown)
+        return self._sightings[key]
+
     def settle(self, unit: Unit) -> None:
         """The unit is done: rely on its references, forget its patterns."""
         if not unit.are_references:
             self._exposures.forget(unit.steps)
+            self._sightings.clear()
             return
         for step in unit.steps:
             is_white = self.plan.patterns[step].family is Family.WHITE

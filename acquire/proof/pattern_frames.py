@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from acquire.proof.exposures import Exposures
 from acquire.proof.kinds import Codes
-from acquire.proof.records import FrameProof, figure, plain_proof, rounded
+from acquire.proof.records import FrameProof, figure, placed_proof, plain_proof, rounded
 from acquire.proof.units import Unit
 from acquire.proof.white_black import LOOKED_AT, WhiteBlack, partitions_of, window_noise
 from processing.proof.finding import Finding, Judgement
 from processing.proof.kind import Kind
+from processing.proof.places import Sighting
 from processing.proof.prediction import complements
 from processing.proof.references import Reference, contradicted
 from processing.proof.registration import movement
@@ -22,6 +23,8 @@ from processing.proof.showing import judge
 
 FEWEST_PLACES = 50
 # Findings of frames that say nothing of what their complement lights.
+# Of frames void for what stands on the scene the judgement says nothing more.
+VAGUE = {Finding.EXPOSED, Finding.OTHER, Finding.DOUBTFUL}
 DARK_THEMSELVES = {Finding.BLANK, Finding.PREVIOUS}
 
 
@@ -38,13 +41,21 @@ class PatternFrames:
         Of the plan.
     references
         White and black that were exposed as these frames were; None where there are none.
+    sightings
+        What each frame shows by the places that are seen; empty where these are not known.
     """
 
     def __init__(
-        self, unit: Unit, exposures: Exposures, codes: Codes, references: WhiteBlack | None
+        self,
+        unit: Unit,
+        exposures: Exposures,
+        codes: Codes,
+        references: WhiteBlack | None,
+        sightings: Sequence[Sighting | None] = (),
     ) -> None:
         self._unit, self._exposures, self._codes = unit, exposures, codes
         self._references = references
+        self._sightings = sightings or [None] * len(unit.steps)
         self._grids = np.stack([exposures[step].samples.grid for step in unit.steps])
         self._lit = self._looked_at()
         self._pairs = complements(codes.covariance(unit))
@@ -67,9 +78,32 @@ class PatternFrames:
         """What every frame shows."""
         steps = self._unit.steps
         if not self._can_judge:
-            return [plain_proof(self._exposures[step], Finding.UNSEEN) for step in steps]
-        judgements = judge(self._kind())
-        return self._figures(judgements)
+            proofs = [plain_proof(self._exposures[step], Finding.UNSEEN) for step in steps]
+        else:
+            proofs = self._figures(judge(self._kind()))
+        return [
+            proof if sighting is None else self._placed(proof, sighting)
+            for proof, sighting in zip(proofs, self._sightings, strict=True)
+        ]
+
+    @staticmethod
+    def _placed(proof: FrameProof, sighting: Sighting) -> FrameProof:
+        """With what is seen at its places, which tells of frames that agree among themselves."""
+        told = proof.is_wrong and proof.finding not in VAGUE
+        if sighting.is_wrong and not told and not proof.settings:
+            proof = proof.model_copy(update={"finding": sighting.finding})
+        return placed_proof(proof, sighting)
+
+    @property
+    def _void(self) -> NDArray[np.bool_]:
+        """Frames that predict nothing, (frames,).
+
+        Of patterns that stand elsewhere those do predict each other of which there are most.
+        """
+        steps = self._unit.steps
+        exposed = np.array([bool(self._exposures[step].contradictions) for step in steps])
+        elsewhere = np.array([bool(one and one.is_wrong) for one in self._sightings])
+        return exposed | elsewhere if 2 * elsewhere.sum() < len(steps) else exposed
 
     @property
     def _can_judge(self) -> bool:
@@ -132,7 +166,7 @@ class PatternFrames:
             repeated=np.array([exposures.is_repeated(step) for step in unit.steps]),
             slopes=self._slopes(),
             replaced=replaced,
-            void=np.array([bool(exposures[step].contradictions) for step in unit.steps]),
+            void=self._void,
             is_fine=self._codes.is_fine(unit.steps[0]),
         )
 

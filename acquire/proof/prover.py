@@ -10,6 +10,7 @@ from typing import Self
 
 from acquire.errors import ProofError
 from acquire.proof.examination import Examination
+from acquire.proof.placement import placement_of
 from acquire.proof.records import (
     SHADED_AT,
     FrameProof,
@@ -33,18 +34,28 @@ _URGENCY = (
     Finding.EXPOSED,
     Finding.BLANK,
     Finding.PREVIOUS,
+    Finding.MISPLACED,
     Finding.PARTIAL,
     Finding.OTHER,
     Finding.DOUBTFUL,
 )
-_SPECIFIC = {Finding.EXPOSED, Finding.BLANK, Finding.PREVIOUS}
+_SPECIFIC = {Finding.EXPOSED, Finding.BLANK, Finding.PREVIOUS, Finding.MISPLACED}
 _UNSPECIFIC = {Finding.OTHER, Finding.DOUBTFUL}
 _CAUSES = {
     Finding.BLANK: "the projector is off, asleep, covered or without its cable.",
-    Finding.PREVIOUS: "the camera delivers one file over and over. Switch it off and on.",
+    Finding.PREVIOUS: "the camera delivers one file over and over (switch it off and on), or the "
+    "projector shows every picture too late (raise settle_s; `lumisplit calibrate latency`).",
+    Finding.PARTIAL: "a part of the projector's picture stands elsewhere or is covered (look at "
+    "its keystone and zoom and for windows in front), or a part of the scene was moved since the "
+    "geometry profile was measured: calibrate the geometry again, or take it out of the plan.",
+    Finding.MISPLACED: "the projector's picture was moved, scaled or turned (look at its keystone "
+    "and zoom and at the resolution of its monitor), or projector, camera or scene were moved "
+    "since the geometry profile was measured: calibrate the geometry again, or take it out of the "
+    "plan.",
     Finding.EXPOSED: "somebody turned the camera's dial, or it is not set to M. Set it as the plan "
     "says.",
-    Finding.OTHER: "far more light falls on the scene than white gave. Is a lamp of the room on?",
+    Finding.OTHER: "something else is projected, or far more light falls on the scene than white "
+    "gave (is a lamp of the room on?), or the plan's geometry profile is not of this scene.",
 }
 
 
@@ -65,7 +76,7 @@ class Prover:
         self, session: Session, warn: Callable[[str, Kind], None], *, keep_unproven: bool
     ) -> None:
         self._session, self._warn, self._keep_unproven = session, warn, keep_unproven
-        self._examination = Examination(session.plan, session.projector_px)
+        self._examination = Examination(session.plan, session.projector_px, placement_of(session))
         self._waiting: deque[tuple[int, FrameRecord, Future[FrameSamples]]] = deque()
         self._sampler = ThreadPoolExecutor(1, thread_name_prefix="proof")
         self._blind = False

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from acquire.errors import ProofError
 from acquire.proof.examination import Examination
+from acquire.proof.placement import placement_of
 from acquire.proof.records import FrameProof
 from acquire.proof.samples import sample_frame
 from acquire.session import Session, Transfer
@@ -27,7 +28,7 @@ def examine(session: Session, frame_done: Callable[[], None]) -> Iterator[FrameP
     ProofError
         A frame cannot be decoded.
     """
-    examination = Examination(session.plan, session.projector_px)
+    examination = Examination(session.plan, session.projector_px, placement_of(session))
     transfer = session.record.source.transfer if session.record.source else Transfer.RAW
     last_step = -1
     for number, record in enumerate(session.lines):

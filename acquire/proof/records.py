@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field, ValidationError
 
@@ -16,6 +17,7 @@ from acquire.session.records import MAX_ATTEMPTS
 from acquire.session.store import PROOF
 from acquire.validation import StrictModel, explain
 from processing.proof.finding import Finding
+from processing.proof.places import Sighting
 
 MAX_BYTES = 256 << 20
 # Part of the picture that is told to be dark where it should be lit.
@@ -28,6 +30,7 @@ _WORDS = {
     Finding.PARTIAL: "shows its pattern in part only",
     Finding.OTHER: "does not show what its pattern predicts",
     Finding.EXPOSED: "was exposed otherwise than asked",
+    Finding.MISPLACED: "shows its pattern elsewhere on the scene",
     Finding.DOUBTFUL: "does not add up to white with its complement, which looks wrong too",
 }
 
@@ -41,7 +44,10 @@ class FrameProof(StrictModel):
     picture before that is in it. `additivity`: pattern and complement against white and black,
     relative. `moved_px`: against the first white, down and right, in camera pixels. `saturated`,
     `unlit`: parts of the frame's pixels that are, or that white does not light. `shaded`: part
-    of what white lights that neither it nor its complement does. `settings`: what its file has
+    of what white lights that neither it nor its complement does. `match`: correlation with its
+    pattern at the places that the geometry profile tells. `displaced_px`: where a misplaced pattern
+    stands from there, down and right, in projector pixels, the shortest way. `seen_as`: what
+    explains that as well, or another pattern that is seen there. `settings`: what its file has
     otherwise than asked. `kept`: found wrong, and kept all the same because the person who captured
     asked for that.
     """
@@ -58,6 +64,9 @@ class FrameProof(StrictModel):
     saturated: float = 0.0
     unlit: float | None = None
     shaded: float | None = None
+    match: float | None = None
+    displaced_px: tuple[float, float] | None = None
+    seen_as: tuple[Annotated[str, Field(max_length=60)], ...] = Field(default=(), max_length=8)
     settings: str = Field(default="", max_length=200)
     camera_time: str = Field(default="", max_length=23)
     kept: bool = False
@@ -73,6 +82,10 @@ class FrameProof(StrictModel):
         words = _WORDS.get(self.finding, "shows its pattern")
         if self.settings:
             words += f" ({self.settings})"
+        if self.finding is Finding.MISPLACED and self.displaced_px is not None:
+            words += f" ({displaced(self.displaced_px)})"
+        elif self.finding is Finding.OTHER and self.seen_as:
+            words += f" but a {self.seen_as[0]}"
         if (self.shaded or 0) > SHADED_AT:
             joined = "and" if self.is_wrong else "but"
             words += f", {joined} {self.shaded:.0%} of what should be lit is dark"
@@ -87,6 +100,24 @@ def figure(value: float) -> float | None:
 def rounded(moved: tuple[float, float] | None) -> tuple[float, float] | None:
     """A movement of a line, to a thousandth of a pixel."""
     return None if moved is None else (round(moved[0], 3), round(moved[1], 3))
+
+
+def displaced(moved_px: tuple[float, float]) -> str:
+    """Where a pattern stands from its place, in words."""
+    ways = zip(moved_px, (("down", "up"), ("to the right", "to the left")), strict=True)
+    parts = [f"{abs(px):g} px {ahead if px > 0 else back}" for px, (ahead, back) in ways if px]
+    return " and ".join(parts) or "turned over"
+
+
+def placed_proof(proof: FrameProof, sighting: Sighting) -> FrameProof:
+    """The line of a frame with what is seen at the places of the geometry profile."""
+    return proof.model_copy(
+        update={
+            "match": figure(sighting.match),
+            "displaced_px": sighting.displaced_px,
+            "seen_as": sighting.seen_as,
+        }
+    )
 
 
 def plain_proof(exposure: Exposure, finding: Finding) -> FrameProof:

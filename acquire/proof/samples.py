@@ -47,18 +47,23 @@ def sample_frame(data: bytes, media_type: str, transfer: Transfer) -> FrameSampl
     """Sample a frame's file; raises `drivers.errors.DecodeError`."""
     image = decode_frame(data, media_type, transfer)
     height, width = image.saturated.shape
-    step = -(-max(height, width) // GRID_SIDE)
-    places = np.s_[step // 2 :: step, step // 2 :: step]
+    places = every_other((height, width))
     top, left = max(height - WINDOW_SIDE, 0) // 2, max(width - WINDOW_SIDE, 0) // 2
     window = image.values[top : top + WINDOW_SIDE, left : left + WINDOW_SIDE]
     return FrameSamples(
         grid=image.values[places].mean(axis=2),
         saturated=image.saturated[places].copy(),
-        slopes=_slopes(image.values, step),
+        slopes=_slopes(image.values, places[0].step),
         window=window.mean(axis=2),
         saturated_part=float(image.saturated.mean()),
         notes=file_notes(data),
     )
+
+
+def every_other(shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """The pixels of a picture, (height, width), whose light is kept."""
+    step = -(-max(shape) // GRID_SIDE)
+    return np.s_[step // 2 :: step, step // 2 :: step]
 
 
 def _slopes(values: NDArray[np.float32], step: int) -> NDArray[np.float32]:

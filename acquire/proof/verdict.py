@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from acquire.proof.displacement import misplaced
 from acquire.proof.records import SHADED_AT, FrameProof
 from acquire.session import Session
 from processing.frames.drift import Course, Trace
@@ -46,6 +47,7 @@ def verdict(session: Session, proofs: Sequence[FrameProof]) -> Iterator[str]:
             f"{len(exposed)} frames were exposed otherwise than asked, from step {exposed[0].step} "
             f"on: {exposed[0].settings}. Their light cannot be compared with that of the others."
         )
+    yield from misplaced(session, proofs)
     # What is dark in part neither stands where it stood nor has its light, for all one can see.
     whole = [proof for proof in proofs if (proof.shaded or 0.0) <= SHADED_AT]
     yield from _steadiness(session, whole)

@@ -41,6 +41,12 @@ class Defects:
     shade
         Part of the projector's picture, from the left, that something in front of it hides in the
         second half of the run.
+    slip_px
+        Projector pixels by which its picture stands farther to the right in the second half of the
+        run; what leaves on one side is lost, what enters on the other is black.
+    zoom
+        Factor, ≠ 0, by which its picture is larger about its middle, both ways, in the second half
+        of the run; −1 turns it by 180°.
     iso_turned
         ISO speed that somebody sets at the camera in the middle of the run, ≥ 25. The files tell
         it, the camera's answers do not.
@@ -62,6 +68,8 @@ class Defects:
     ambient: float = 0.0
     move_px: float = 0.0
     shade: float = 0.0
+    slip_px: float = 0.0
+    zoom: float = 1.0
     iso_turned: float | None = None
 
     def __post_init__(self) -> None:
@@ -77,6 +85,8 @@ class Defects:
         self._require("black_level", 0 <= self.black_level < 1, "a fraction of white in [0, 1)")
         self._require("shade", 0 <= self.shade < 1, "a part of the picture in [0, 1)")
         self._require("flicker", 0 <= self.flicker <= 1, "a relative amplitude in [0, 1]")
+        self._require("slip_px", self.slip_px == round(self.slip_px), "a number of whole pixels")
+        self._require("zoom", 0.05 <= abs(self.zoom) <= 20, "from 0.05 to 20, or less than −0.05")
         self._require("drift", self.drift > -1, "above −1: a lamp cannot lose more than its light")
         if self.iso_turned is not None:
             self._require("iso_turned", 25 <= self.iso_turned <= 51200, "from 25 to 51200")

@@ -151,10 +151,17 @@ class Stage:
         if chance.dropped:
             return self._black
         if chance.late:
-            return self._previous
+            return self._projected(self._previous)
         if chance.drawn is not None:
-            return _torn(self._current, self._previous, chance.drawn)
-        return self._current
+            return self._projected(_torn(self._current, self._previous, chance.drawn))
+        return self._projected(self._current)
+
+    def _projected(self, raster: Raster) -> Raster:
+        """Where the projector's optics put a raster."""
+        defects = self.defects
+        if not self.is_second_half or (defects.slip_px == 0 and defects.zoom == 1):
+            return raster
+        return _moved(raster, round(defects.slip_px), defects.zoom)
 
     @property
     def commanded(self) -> Raster:
@@ -166,7 +173,7 @@ class Stage:
         old = float(np.clip((self._arrival_s - self.clock.now()) / exposure_s, 0, 1))
         if old == 0 or chance.dropped or chance.late or chance.drawn is not None:
             return light
-        before = self.emitted(self._previous)
+        before = self.emitted(self._projected(self._previous))
         if light.ndim != before.ndim:
             light, before = (
                 frame if frame.ndim == 3 else np.repeat(frame[..., np.newaxis], 3, axis=2)
@@ -183,6 +190,19 @@ def _torn(raster: Raster, previous: Raster, drawn: float) -> Raster:
     )
     row = round(drawn * len(first))
     return np.concatenate([first[:row], second[row:]])
+
+
+def _moved(raster: Raster, slip_px: int, zoom: float) -> Raster:
+    """A raster moved to the right and larger about its middle, its nearest pixels; black around."""
+    inside, places = [], []
+    for size, slip in zip(raster.shape, (0, slip_px), strict=False):
+        middle = (size - 1) / 2
+        place = np.rint((np.arange(size) - slip - middle) / zoom + middle).astype(np.int64)
+        inside.append((place >= 0) & (place < size))
+        places.append(np.clip(place, 0, size - 1))
+    moved = raster[np.ix_(*places)]
+    moved[~np.outer(*inside)] = 0
+    return moved
 
 
 def shifted(mosaic: NDArray[np.float64], shift_px: float) -> NDArray[np.float64]:

@@ -11,7 +11,8 @@ class Finding(StrEnum):
 
     ``doubtful`` frames do not agree with their complement, which looks wrong itself; ``unseen``
     ones have a pattern too faint or too unpredictable to be told from others; ``exposed`` ones were
-    taken with other settings than asked.
+    taken with other settings than asked; ``misplaced`` ones show their pattern, but elsewhere on
+    the scene than the projector's pixels are known to be seen.
     """
 
     OWN = "own"
@@ -21,6 +22,7 @@ class Finding(StrEnum):
     OTHER = "other"
     DOUBTFUL = "doubtful"
     EXPOSED = "exposed"
+    MISPLACED = "misplaced"
     UNSEEN = "unseen"
 
 

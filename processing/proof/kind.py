@@ -49,7 +49,8 @@ class Kind:
     replaced
         float32, (frames, n): the exposure of the same pattern that each replaces; NaN where none.
     void
-        bool, (frames,): taken with other settings; predicts nothing.
+        bool, (frames,): taken with other settings or known to show something else; predicts
+        nothing.
     is_fine
         Whether every pattern has about half of the light, because its cells are many.
     """

@@ -178,8 +178,7 @@ def predict(
     deviations = values - middle
     contrast = _whole_contrast(deviations, covariance, trusted, variance)
     residuals = deviations - weights @ deviations
-    moved = movements(residuals, slopes)
-    left = contrast * np.diag(covariance) * (1 - explained)
+    left, moved = contrast * np.diag(covariance) * (1 - explained), movements(residuals, slopes)
     return Predictions(
         mean=middle,
         deviations=deviations,
@@ -187,7 +186,7 @@ def predict(
         moved=moved,
         weights=weights,
         explained=explained,
-        unexplained=np.repeat(left[:, np.newaxis], values.shape[1], axis=1),
+        unexplained=np.outer(left, np.ones(len(middle))),
         gains=gains,
         noise=variance,
         noise_gain=_noise_gain(weights, len(pairs), anchor is not None),

@@ -27,6 +27,8 @@ from drivers.sim.defects import Defects
         ("ambient", -0.1),
         ("move_px", math.nan),
         ("shade", 1.0),
+        ("slip_px", 0.5),
+        ("zoom", 0.0),
         ("iso_turned", 3.0),
     ],
 )

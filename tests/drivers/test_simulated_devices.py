@@ -236,6 +236,8 @@ EVERYTHING = {
     "gamma": 2.2,
     "black_level": 0.01,
     "shade": 0.3,
+    "slip_px": 3.0,
+    "zoom": 1.2,
     "iso_turned": 400.0,
 }
 
