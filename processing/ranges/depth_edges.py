@@ -20,13 +20,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from processing.frames.harmonics import PitchDesign
-from processing.ranges.account_fit import TOTAL_WEIGHT
+from processing.ranges.account_fit import add_row, held_weight
 from processing.ranges.correspondence import decode_residual, refined
+from processing.ranges.kernels import compiled
 from processing.ranges.response import ResponseTables
 from processing.ranges.slopes import look_up, model_errors
 from processing.ranges.spectrum import solve_passive, solve_spectrum
@@ -310,7 +310,7 @@ def _mean_energy(tables: ResponseTables) -> Array:
     return 2 * np.array(means)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fill_atoms(atoms, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
     """(4 · pitches, places · ranges + 1): what unit light of each adds to the harmonics."""
     n_places, n_ranges = len(places), down.shape[1]
@@ -325,21 +325,17 @@ def _fill_atoms(atoms, places, down, right, first, pitch_px, gain):  # type: ign
                 atoms[4 * k + 2, a], atoms[4 * k + 3, a] = minus.real, minus.imag
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _normal_equations(atoms, seen, weight, white, gram, moment):  # type: ignore[no-untyped-def]
     """AᵀWA and AᵀWb, with the total held to white."""
-    held = (TOTAL_WEIGHT / max(white, 1e-12)) ** 2
+    held = held_weight(white)
     gram[:] = held
     moment[:] = held * white
     for row in range(len(atoms)):
-        for a in range(atoms.shape[1]):
-            weighted = atoms[row, a] * weight[row]
-            moment[a] += weighted * seen[row]
-            for b in range(atoms.shape[1]):
-                gram[a, b] += weighted * atoms[row, b]
+        add_row(gram, moment, atoms[row], seen[row], weight[row])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _take_off(seen, atoms, amounts, first, end, left):  # type: ignore[no-untyped-def]
     """What the light of some atoms leaves."""
     for row in range(len(seen)):
@@ -348,7 +344,7 @@ def _take_off(seen, atoms, amounts, first, end, left):  # type: ignore[no-untype
             left[row] -= amounts[a] * atoms[row, a]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _fit_all(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, white, variance, noise_gains, energy,
     model,
@@ -374,7 +370,7 @@ def _fit_all(  # type: ignore[no-untyped-def]
             spread = noise_gains[k] * variance[i] + energy[k] * (model[k] * white[i]) ** 2
             weight[4 * k : 4 * k + 4] = 4 / (spread + 1e-30)
         _normal_equations(atoms, seen, weight, white[i], gram, moment)
-        count = solve_spectrum(gram, moment, passive, amounts, factor, members)
+        count = solve_spectrum(gram, moment, passive, amounts, factor, members, moved)
         _take_off(seen, atoms, amounts, 0, n_atoms, rest)
         for row in range(len(rest)):
             chi2[i] += weight[row] * rest[row] ** 2

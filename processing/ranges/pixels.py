@@ -10,14 +10,24 @@ from numpy.typing import NDArray
 from processing.numerics.linear_algebra import product
 from processing.ranges.account_fit import AccountFit, add_row, solve_account, take, workspace
 from processing.ranges.accounts import Account
+from processing.ranges.kernels import compiled
 from processing.ranges.response import ResponseTables
-from processing.ranges.rows import Single, compiled, fill_row, filled, mix, split_table, weigh
+from processing.ranges.rows import (
+    Single,
+    filled,
+    mix,
+    multiply,
+    respond,
+    row_room,
+    split_table,
+    weigh,
+)
 from processing.ranges.slopes import model_errors
 
 Array = NDArray[np.float64]
 
-# Pixels whose rows are made pitch by pitch: their tables, and the rows, fit the processor's caches.
-_TOGETHER = 32
+# Pixels that are worked on side by side: what is kept of them fits the processor's caches.
+_TOGETHER = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +38,18 @@ class PlaceFit:
     ----------
     down, right
         float32, (bins, 2 · spreads): real parts, then imaginary parts, of those of
-        `ResponseTables`, each filled up with 0 to whole vectors of the processor.
+        `ResponseTables`, each filled up with 0 to whole mixtures.
     first, pitch_px
         Of `ResponseTables`.
     mixtures
-        float32, (spreads, ranges): all ranges of both accounts, infinity, which is 0, among them,
-        filled up likewise.
+        float32, (spreads, ranges): all ranges of both accounts, infinity, which is 0, among them;
+        the spreads filled up likewise.
+    spans
+        (2, 2): first and end of those that are an account's.
+    roles
+        Of each account's: 0 of direct light, 1 of subsurface scattering, 2 of the rest.
     members
-        Which of them are an account's, direct light first and infinity last.
-    subsurface
-        (2, 2): first and end of those of each account that are subsurface scattering.
+        Where they lie in their account, direct light first and infinity last.
     noise_gains, model
         (pitches,): `slope_noise_gain` and `model_errors`.
     """
@@ -47,8 +59,9 @@ class PlaceFit:
     first: NDArray[np.int64]
     pitch_px: Array
     mixtures: Single
+    spans: NDArray[np.int64]
+    roles: tuple[NDArray[np.int64], NDArray[np.int64]]
     members: tuple[NDArray[np.int64], NDArray[np.int64]]
-    subsurface: NDArray[np.int64]
     noise_gains: Array
     model: Array
 
@@ -57,15 +70,17 @@ class PlaceFit:
         cls, tables: ResponseTables, accounts: tuple[Account, Account], noise_gains: Array
     ) -> PlaceFit:
         """What is the same for all pixels of a colour."""
-        columns, members = _united(accounts)
+        columns, spans, members = _united(accounts)
+        one, other = (_roles(*pair) for pair in zip(accounts, members, strict=True))
         return cls(
             split_table(tables.down),
             split_table(tables.right),
             tables.first,
             tables.pitch_px,
-            filled(filled(columns, 0), 1),
+            filled(columns, 0),
+            spans,
+            (one, other),
             members,
-            np.array([one.subsurface for one in accounts], np.int64),
             noise_gains,
             model_errors(tables.pitch_px, tables.blur_px2),
         )
@@ -97,32 +112,53 @@ class PlaceFit:
         parts, chi2 = np.zeros((2, n_pixels, 8)), np.zeros((2, n_pixels))
         # Every layout of the arguments would be compiled anew.
         _fit_places(
-            np.ascontiguousarray(np.moveaxis(harmonics, -1, 0)), np.ascontiguousarray(places),
-            self.down, self.right, self.first, self.pitch_px, np.ascontiguousarray(gains),
-            self.mixtures, self.members[0], self.members[1], self.subsurface,
+            np.ascontiguousarray(harmonics), np.ascontiguousarray(places),
+            self.down, self.right, self.first, self.pitch_px,
+            np.ascontiguousarray(np.moveaxis(gains, 0, -1)),
+            self.mixtures, self.spans, self.roles[0], self.roles[1],
             np.ascontiguousarray(white), np.ascontiguousarray(variance), self.noise_gains,
             self.model, np.ascontiguousarray(blur_deviations), amounts[0], amounts[1], parts, chi2,
         )  # fmt: skip
-        one, other = (AccountFit.of(*fit) for fit in zip(amounts, parts, chi2, strict=True))
+        one, other = (
+            AccountFit.of(found[:, members], *fit)
+            for found, members, *fit in zip(amounts, self.members, parts, chi2, strict=True)
+        )
         return one, other
 
 
 def _united(
     accounts: tuple[Account, Account],
-) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """The ranges of both accounts without repetition, infinity last, and which are whose."""
-    columns: list[Array] = []
-    members = []
-    for account in accounts:
-        mine = []
-        for column in account.mixtures.T:
-            same = [k for k, known in enumerate(columns) if np.array_equal(known, column)]
-            mine.append(same[0] if same else len(columns))
-            columns += [] if same else [column]
-        members.append(mine)
-    columns.append(np.zeros_like(columns[0]))
-    one, other = (np.array([*mine, len(columns) - 1], np.int64) for mine in members)
-    return np.stack(columns, axis=1), (one, other)
+) -> tuple[Array, NDArray[np.int64], tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """The ranges of both accounts without repetition, in an order in which each has a span of them.
+
+    Returns
+    -------
+    Mixtures, (spreads, ranges); first and end of each account's; where each account's own order,
+    direct light first and infinity last, finds its ranges in its span.
+    """
+    one, other = ([*account.mixtures.T, np.zeros(len(account.mixtures))] for account in accounts)
+    shared = [column for column in one if _index(column, other) is not None]
+    first = [column for column in one if _index(column, other) is None]
+    second = [column for column in other if _index(column, one) is None]
+    spans = np.array([[0, len(one)], [len(first), len(first) + len(other)]])
+    members = tuple(
+        np.array([_index(column, span) for column in columns], np.int64)
+        for columns, span in ((one, first + shared), (other, shared + second))
+    )
+    return np.stack(first + shared + second, axis=1), spans, (members[0], members[1])
+
+
+def _index(column: Array, columns: list[Array]) -> int | None:
+    """Which one it is."""
+    return next((k for k, one in enumerate(columns) if np.array_equal(one, column)), None)
+
+
+def _roles(account: Account, members: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of the ranges in the order of their span."""
+    roles = np.full(len(members), 2)
+    first, end = account.subsurface
+    roles[members[0]], roles[members[first:end]] = 0, 1
+    return roles
 
 
 def fit_rows(
@@ -155,7 +191,7 @@ def fit_rows(
     chi2 = np.zeros(len(rows))
     design = np.column_stack([product(responses, account.mixtures), np.zeros(len(pitch_px))])
     _fit_rows(
-        np.ascontiguousarray(rows), design, np.array(account.subsurface, np.int64),
+        np.ascontiguousarray(rows), design, _roles(account, np.arange(n_ranges)),
         np.ascontiguousarray(white), variance, model_errors(pitch_px), amounts, parts, chi2,
     )  # fmt: skip
     return AccountFit.of(amounts, parts, chi2)
@@ -163,71 +199,69 @@ def fit_rows(
 
 @compiled
 def _fit_places(  # type: ignore[no-untyped-def]
-    harmonics, places, down, right, first, pitch_px, gain, mixtures, members, others, subsurface,
+    harmonics, places, down, right, first, pitch_px, gain, mixtures, spans, roles, other_roles,
     white, variance, noise_gains, model, blur_deviations, amounts, other_amounts, parts, chi2,
 ):  # fmt: skip
-    n_pixels, n_pitches, _ = harmonics.shape
-    width = mixtures.shape[1]
-    at_y, at_x = np.empty(down.shape[1], np.float32), np.empty(down.shape[1], np.float32)
-    response, row = np.empty(len(mixtures), np.float32), np.empty(width, np.float32)
-    rows, values = np.empty((_TOGETHER, n_pitches, width)), np.empty((_TOGETHER, n_pitches))
-    spread, bends = np.empty((_TOGETHER, 2, n_pitches)), np.empty((_TOGETHER, 2, n_pitches))
-    gram, moment, mine = np.empty((width, width)), np.empty(width), np.empty((width, n_pitches))
+    n_pitches, _, n_pixels = harmonics.shape
+    n_spreads, n_ranges = mixtures.shape
+    together, whole = min(_TOGETHER, n_pixels), n_pitches + -n_pitches % 4
+    room, measured = row_room(n_spreads, together), np.empty((3, together))
+    # What was seen is one range more, which makes AᵀWb and bᵀWb parts of AᵀWA.
+    rows = np.zeros((n_ranges + 1, whole, together), np.float32)
+    weights, weighted = np.zeros((whole, together)), np.empty((whole, together))
+    seen, grams = np.empty((4, n_pitches, together)), np.empty((n_ranges + 1, len(rows), together))
     # First guesses are what the pixel before came to.
-    one, other = workspace(len(members), n_pitches), workspace(len(others), n_pitches)
-    for start in range(0, n_pixels, _TOGETHER):
-        end = min(start + _TOGETHER, n_pixels)
+    one, other = workspace(len(roles)), workspace(len(other_roles))
+    for begin in range(0, n_pixels, _TOGETHER):
+        # The last ones are worked on beside some of those before, again.
+        start = min(begin, n_pixels - together)
+        end = start + together
         for k in range(n_pitches):
-            for i in range(start, end):
-                j = i - start
-                slope, energy, rising = fill_row(
-                    harmonics[i, k], down, right, first[k], pitch_px[k], places[0, i],
-                    places[1, i], gain[i, k], at_y, at_x, response,
-                )  # fmt: skip
-                mix(response, mixtures, row)
-                rows[j, k] = row
-                values[j, k] = slope
-                weigh(
-                    slope, energy, rising, (np.pi / pitch_px[k]) ** 2, white[i], variance[i, 0],
-                    noise_gains[k], model[k], blur_deviations[i], spread[j, :, k], bends[j, :, k],
-                )  # fmt: skip
-        for i in range(start, end):
-            j = i - start
-            gram[:] = 0
-            moment[:] = 0
-            for k in range(n_pitches):
-                weight = 1 / (spread[j, 0, k] + spread[j, 1, k])
-                add_row(gram, moment, rows[j, k], values[j, k], weight)
-            take(gram, moment, rows[j], members, one, mine)
-            chi2[0, i] = solve_account(
-                one, mine, values[j], spread[j], bends[j], white[i], variance[i, 1],
-                subsurface[0], amounts[i], parts[0, i],
+            respond(
+                harmonics[k, 0, start:end], harmonics[k, 1, start:end], down, right, first[k],
+                pitch_px[k], places[0, start:end], places[1, start:end], gain[k, 0, start:end],
+                gain[k, 1, start:end], room, measured,
             )  # fmt: skip
-            take(gram, moment, rows[j], others, other, mine)
+            mix(room[-1], mixtures, k, rows)
+            rows[n_ranges, k] = measured[0]
+            weigh(
+                measured, (np.pi / pitch_px[k]) ** 2, white[start:end], variance[start:end],
+                noise_gains[k], model[k], blur_deviations[start:end], k, weights, seen,
+            )  # fmt: skip
+        multiply(rows, weights, weighted, grams)
+        for i in range(begin, end):
+            j = i - start
+            power = grams[n_ranges, n_ranges, j]
+            take(grams, spans[0], j, one)
+            chi2[0, i] = solve_account(
+                one, power, rows[spans[0, 0] : spans[0, 1], :n_pitches, j], seen[:, :, j], roles,
+                white[i], variance[i, 1], amounts[i], parts[0, i],
+            )  # fmt: skip
+            take(grams, spans[1], j, other)
             chi2[1, i] = solve_account(
-                other, mine, values[j], spread[j], bends[j], white[i], variance[i, 1],
-                subsurface[1], other_amounts[i], parts[1, i],
+                other, power, rows[spans[1, 0] : spans[1, 1], :n_pitches, j], seen[:, :, j],
+                other_roles, white[i], variance[i, 1], other_amounts[i], parts[1, i],
             )  # fmt: skip
 
 
 @compiled
 def _fit_rows(  # type: ignore[no-untyped-def]
-    values, design, subsurface, white, variance, model, amounts, parts, chi2
+    values, design, roles, white, variance, model, amounts, parts, chi2
 ):  # fmt: skip
     n_pixels, n_pitches = values.shape
-    n_ranges = design.shape[1]
-    rows = design.T.copy()
-    spread, bends = np.empty((2, n_pitches)), np.zeros((2, n_pitches))
-    account = workspace(n_ranges, n_pitches)
+    rows, n_ranges = design.T.copy(), design.shape[1]
+    seen, account = np.zeros((4, n_pitches)), workspace(n_ranges)
     gram, moment = account[0], account[1]
     for i in range(n_pixels):
         gram[:] = 0
         moment[:] = 0
+        power = 0.0
         for k in range(n_pitches):
-            spread[0, k] = variance[k]
-            spread[1, k] = (model[k] * white[i]) ** 2 + 1e-30
-            add_row(gram, moment, design[k], values[i, k], 1 / (spread[0, k] + spread[1, k]))
+            left_out = (model[k] * white[i]) ** 2 + 1e-30
+            weight = 1 / (variance[k] + left_out)
+            seen[0, k], seen[1, k] = variance[k] * weight**2, left_out * weight**2
+            add_row(gram, moment, design[k], values[i, k], weight)
+            power += weight * values[i, k] ** 2
         chi2[i] = solve_account(
-            account, rows, values[i], spread, bends, white[i], 0.0, subsurface, amounts[i],
-            parts[i],
-        )  # fmt: skip
+            account, power, rows, seen, roles, white[i], 0.0, amounts[i], parts[i]
+        )

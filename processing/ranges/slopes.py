@@ -11,11 +11,11 @@ frame; to it is added that of the model, a fixed part of white.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from processing.frames.harmonics import PitchDesign
 from processing.numerics.elementary import hypot
+from processing.ranges.kernels import compiled
 from processing.ranges.response import BINS_PER_PX, ResponseTables
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ def slopes(
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def bin_of(place, period):  # type: ignore[no-untyped-def]
     """Bin of a place within the period, and the part of the way to the next."""
     at = (place - np.floor(place / period) * period) * BINS_PER_PX
@@ -104,20 +104,20 @@ def bin_of(place, period):  # type: ignore[no-untyped-def]
     return index, at - index
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def between(table, index, part, spread):  # type: ignore[no-untyped-def]
     """Linear between bins."""
     return table[index, spread] * (1 - part) + table[index + 1, spread] * part
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
     """T of a spread at a place; `first` is the bin where the pitch begins."""
     index, part = bin_of(place, period)
     return between(table, first + index, part, spread)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
     n_pixels, n_pitches, _ = harmonics.shape
     found = np.zeros((n_pixels, n_pitches, 2))

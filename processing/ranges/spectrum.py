@@ -5,33 +5,32 @@ x_r ≥ 0 the light of range r,
 
     D(P) = Σ_r A_r(P) x_r,    Σ_r x_r = white.
 
-Each small problem is solved to its exact minimum on the normal equations by block principal
-pivoting (Portugal, Júdice and Vicente, A comparison of block pivoting and interior-point algorithms
-for linear least squares problems with nonnegative variables, Math. Comput. 63, 1994): all unknowns
-that are on the wrong side of 0 change sides together, and a good guess, such as a neighbour's,
-saves most of the rounds. Where it goes in circles, the active-set method of Lawson and Hanson
-(Solving Least Squares Problems, 1974, chapter 23) takes over.
+Each small problem is solved to its exact minimum on the normal equations by the active sets of
+Lawson and Hanson (Solving Least Squares Problems, 1974, chapter 23), from a guess, such as what a
+neighbour came to, instead of from 0: what the guess makes negative is let go until nothing is,
+which is a feasible beginning. Exchanging many unknowns at once (block principal pivoting) goes in
+circles among the nearly parallel responses of neighbouring ranges.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from processing.numerics.elementary import deviate, log
+from processing.ranges.kernels import compiled
 
 # Gradients below this, relative to the right-hand side, count as zero.
 _TOLERANCE = 1e-10
 # Keeps nearly parallel responses solvable; relative to the mean diagonal.
 RIDGE = 1e-9
-# Of block pivoting, which mostly takes one to four; nearly parallel responses lead it in circles.
-_MOST_ROUNDS = 12
 _QUANTILES = 2000
 
 
-@njit(cache=True, nogil=True)
-def solve_spectrum(gram, moment, passive, amounts, factor, members):  # type: ignore[no-untyped-def]
+@compiled
+def solve_spectrum(  # type: ignore[no-untyped-def]
+    gram, moment, passive, amounts, factor, members, trial
+):  # fmt: skip
     """Minimise xᵀ G x − 2 mᵀ x over x ≥ 0.
 
     Parameters
@@ -46,40 +45,27 @@ def solve_spectrum(gram, moment, passive, amounts, factor, members):  # type: ig
         float64, (n,), receives x.
     factor, members
         float64, (n, n), and int64, (n,), receive what `solve_passive` takes.
+    trial
+        float64, (n,), to work on.
 
     Returns
     -------
     Number of positive x.
     """
     n = len(moment)
-    lift = RIDGE * np.trace(gram) / n
-    least = _TOLERANCE * max(np.max(np.abs(moment)), 1e-300)
-    wrong = np.zeros(n, np.bool_)
-    for _ in range(_MOST_ROUNDS):
-        count = _factorise(gram, lift, passive, factor, members)
-        solve_passive(factor, members, count, moment, amounts)
-        if not _find_wrong(gram, moment, least, passive, amounts, wrong):
-            return count
-        for k in range(n):
-            passive[k] ^= wrong[k]
-    return _descend(gram, moment, lift, least, passive, amounts, factor, members)
-
-
-@njit(cache=True, nogil=True)
-def _descend(  # type: ignore[no-untyped-def]
-    gram, moment, lift, least, passive, amounts, factor, members
-):  # fmt: skip
-    """The same from 0 on, by Lawson and Hanson's active sets: slower, but never in circles."""
-    n = len(moment)
-    trial = np.zeros(n)
-    passive[:] = False
-    amounts[:] = 0
-    count = 0
+    trace, largest = 0.0, 1e-300
+    for k in range(n):
+        trace += gram[k, k]
+        largest = max(largest, abs(moment[k]))
+    lift, least = RIDGE * trace / n, _TOLERANCE * largest
+    count = _begin(gram, moment, lift, passive, amounts, factor, members)
     for _ in range(3 * n):
         chosen, steepest = -1, least
         for k in range(n):
             if not passive[k]:
-                slope = _slope(gram, moment, amounts, k)
+                slope = moment[k]
+                for c in range(count):
+                    slope -= gram[k, members[c]] * amounts[members[c]]
                 if slope > steepest:
                     chosen, steepest = k, slope
         if chosen < 0:
@@ -93,7 +79,22 @@ def _descend(  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def _begin(gram, moment, lift, passive, amounts, factor, members):  # type: ignore[no-untyped-def]
+    """Solve with what is guessed to be positive, and let go what is not, until nothing is left."""
+    negative = True
+    while negative:
+        count = _factorise(gram, lift, passive, factor, members)
+        solve_passive(factor, members, count, moment, amounts)
+        negative = False
+        for c in range(count):
+            if amounts[members[c]] < 0:
+                passive[members[c]] = False
+                negative = True
+    return count
+
+
+@compiled
 def _step_towards(trial, amounts, passive):  # type: ignore[no-untyped-def]
     """Go to the trial as far as all stay ≥ 0; whether it was reached. What hits 0 is let go."""
     step, blocking = 1.0, -1
@@ -113,16 +114,7 @@ def _step_towards(trial, amounts, passive):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
-def _slope(gram, moment, amounts, k):  # type: ignore[no-untyped-def]
-    """How the sum falls as an unknown that is 0 rises."""
-    slope = moment[k]
-    for j in range(len(moment)):
-        slope -= gram[k, j] * amounts[j]
-    return slope
-
-
-@njit(cache=True, nogil=True)
+@compiled
 def solve_passive(factor, members, count, right, solution):  # type: ignore[no-untyped-def]
     """Solve with G over the positive x alone; 0 elsewhere.
 
@@ -146,7 +138,7 @@ def solve_passive(factor, members, count, right, solution):  # type: ignore[no-u
         solution[members[a]] = value * factor[a, a]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _factorise(gram, lift, passive, factor, members):  # type: ignore[no-untyped-def]
     """Cholesky factor over the passive unknowns, its diagonal inverted; their number.
 
@@ -171,19 +163,6 @@ def _factorise(gram, lift, passive, factor, members):  # type: ignore[no-untyped
         # What rounding leaves of parallel responses is no less than the ridge.
         factor[a, a] = 1 / np.sqrt(max(value, lift))
     return count
-
-
-@njit(cache=True, nogil=True)
-def _find_wrong(gram, moment, least, passive, amounts, wrong):  # type: ignore[no-untyped-def]
-    """Which unknowns belong to the other side: negative ones, and zeros that would rise."""
-    n_wrong = 0
-    for k in range(len(moment)):
-        if passive[k]:
-            wrong[k] = amounts[k] < 0
-        else:
-            wrong[k] = _slope(gram, moment, amounts, k) > least
-        n_wrong += wrong[k]
-    return n_wrong
 
 
 def diffusion_mixture(spread_px: NDArray[np.float64], range_px: float) -> NDArray[np.float64]:

@@ -68,7 +68,7 @@ class _Solved:
         n = len(moment)
         amounts, factor = np.ones(n), np.ones((n, n))
         passive, members = guess.copy(), np.zeros(n, np.int64)
-        count = solve_spectrum(gram, moment, passive, amounts, factor, members)
+        count = solve_spectrum(gram, moment, passive, amounts, factor, members, np.ones(n))
         return cls(amounts, passive, factor, members, count)
 
     def of_passive(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
