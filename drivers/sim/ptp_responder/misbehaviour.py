@@ -126,6 +126,11 @@ class Script:
                 return due.misbehaviour
         return None
 
+    @property
+    def untaken(self) -> tuple[Misbehaviour, ...]:
+        """What has not happened to the end."""
+        return tuple(due.misbehaviour for due in self._due if due.times)
+
 
 @dataclass(slots=True)
 class _Due:

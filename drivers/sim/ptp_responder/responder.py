@@ -77,6 +77,11 @@ class Responder:
         """Whether a session is open."""
         return bool(self._body.session)
 
+    @property
+    def untaken(self) -> tuple[Misbehaviour, ...]:
+        """Misbehaviours that nothing has called for yet."""
+        return self._script.untaken
+
     def turn(self, code: int, value: PropertyValue) -> None:
         """Set a property on the body itself, as a person does with its wheels and levers."""
         self._body.properties.turn(code, value)
