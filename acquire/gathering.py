@@ -184,8 +184,9 @@ class _Sums:
         """What they come down to, held against white less black."""
         group = self._group
         # A balanced set holds the complement of each pattern: white could add nothing but its noise
-        # and any change of lamp or gain since.
-        complement = lit if group.family.is_binary and not group.is_balanced else None
+        # and any change of lamp or gain since. Extrema are nobody's complement.
+        is_complete = group.is_balanced and not self._sample.is_ordered
+        complement = lit if group.family.is_binary and not is_complete else None
         try:
             found = self._separation.separate(complement, leak, self._memory.room)
         except ValueError as error:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -24,6 +24,8 @@ from processing.frames.harmonics import PitchHarmonics
 from processing.independence.decomposition import decompose_iva
 from processing.patterns import Family, Pattern
 from processing.ranges.decomposition import decompose_ranges
+from processing.ranges.extrema import decompose_extrema
+from processing.ranges.result import RangeDecomposition
 from processing.remarks import Remark
 
 Image = NDArray[np.float32]
@@ -39,6 +41,14 @@ RANGES_INTERVAL = (
     "95 % confidence of the mean over the scene, by leaving out one of its 8 × 8 tiles at a time; "
     "it holds noise and how the scene varies, no error that all pixels share (blur, references), "
     "and single places differ by far more"
+)
+FROM_EXTREMA = Caution(
+    what="Every pitch has two frames, of which one is nowhere darker than the other: they were "
+    "taken for the largest and smallest value over many shifts, and ranges were found from them "
+    "alone.",
+    meaning="No places in the patterns are known: the noise of the extreme frames and shifts that "
+    "miss the middle of a check enter in full, and translucent objects are recognised less well.",
+    remedy="Capture or import all frames of every pitch where they exist.",
 )
 
 # Told the part of the work that is done, rising to 1.
@@ -164,6 +174,7 @@ class Iva:
             shares=tuple(found.shares.tolist()),
             cost=tuple(found.cost.tolist()),
             used={
+                "method": "iva",
                 "n_components": n_components,
                 "significant_components": found.significant,
                 "smoothing_px_used": found.smoothing_px,
@@ -237,22 +248,7 @@ class Ranges:
                 raise KeyboardInterrupt from error
             raise
         designs = self._stack.designs
-        noise = np.nanmean(found.noise) if np.isfinite(found.noise).any() else None
-        return Components(
-            images=dict(zip(found.names, found.components, strict=True)),
-            deviations=dict(zip(found.names, found.deviations, strict=True)),
-            white=found.white,
-            mixing=MixingRecord(
-                families=(*(design.family for design in designs), Family.WHITE),
-                pitch_px=(*(design.pitch_px for design in designs), None),
-                alpha=found.mixing.tolist(),
-                half_width=_or_none(found.mixing_half_width),
-                interval=RANGES_INTERVAL,
-            ),
-            noise=None if noise is None else float(noise),
-            used={"blur_projector_px": [float(np.sqrt(max(b.side_px2, 0))) for b in found.blur]},
-            cautions=_cautions(found.warnings),
-        )
+        return _of_ranges(found, [(design.family, design.pitch_px) for design in designs])
 
     def close(self) -> None:
         """Remove the parked images."""
@@ -264,6 +260,85 @@ class Ranges:
             return HarmonicsStack(self._patterns, (height, width, colours), self._projector_px)
         except ValueError as error:
             raise StackError(f"{error}; `--method iva` takes such sessions.") from error
+
+
+class Pairs:
+    """Where frames do not tell the places of pixels in the patterns.
+
+    Two frames a pitch may be the largest and the smallest value of many shifts, or two positions
+    of the pattern. Of the former the one is nowhere darker than the other, and ranges are found
+    from them alone; of the latter half of the pixels are brighter in the second, and independent
+    vector analysis is what is left.
+    """
+
+    def __init__(self, obstacle: str, iva: Iva | None) -> None:
+        self._obstacle, self._iva = obstacle, iva
+
+    @property
+    def wants_harmonics(self) -> bool:
+        """See `Method.wants_harmonics`."""
+        return False
+
+    def white(self, lit: Image) -> None:
+        """The separated pitches are all it needs."""
+
+    def pitch(self, gathered: PitchHarmonics) -> None:
+        """The separated pitches are all it needs."""
+
+    def close(self) -> None:
+        """Nothing was parked."""
+
+    def decompose(self, folder: Path, separated: SeparatedPitches, told: Told) -> Components:
+        """By ranges where the frames are extrema, else by independent vector analysis."""
+        resolved = tuple(sorted(separated.resolved, key=lambda pitch: pitch.pitch_px))
+        distinct = len({pitch.pitch_px for pitch in resolved}) == len(resolved) > 1
+        if not (distinct and all(sample.is_ordered for sample in separated.samples)):
+            if self._iva is None:
+                raise StackError(f"{self._obstacle}; `--method iva` takes such sessions.")
+            components = self._iva.decompose(folder, separated, told)
+            return replace(components, cautions=(self._by_iva, *components.cautions))
+        found = decompose_extrema(
+            open_rows(folder, resolved),
+            [float(pitch.pitch_px) for pitch in resolved],
+            [Family(pitch.family) for pitch in resolved],
+            separated.white,
+            separated.mask == PixelClass.MEASURED,
+        )
+        components = _of_ranges(found, [(pitch.family, pitch.pitch_px) for pitch in resolved])
+        return replace(components, cautions=(FROM_EXTREMA, *components.cautions))
+
+    @property
+    def _by_iva(self) -> Caution:
+        return Caution(
+            what="Decomposed by independent vector analysis, because the default method cannot be "
+            f"used: {self._obstacle}.",
+            meaning="The components have no standard errors, and nothing keeps them from being "
+            "negative.",
+            remedy="Capture with the shifts of `lumisplit plan --example` for the default method.",
+        )
+
+
+def _of_ranges(found: RangeDecomposition, rows: Sequence[tuple[str, int]]) -> Components:
+    """What a decomposition by range yields; `rows` are families and pitches, in order."""
+    noise = np.nanmean(found.noise) if np.isfinite(found.noise).any() else None
+    return Components(
+        images=dict(zip(found.names, found.components, strict=True)),
+        deviations=dict(zip(found.names, found.deviations, strict=True)),
+        white=found.white,
+        mixing=MixingRecord(
+            families=(*(family for family, _ in rows), Family.WHITE),
+            pitch_px=(*(pitch_px for _, pitch_px in rows), None),
+            alpha=found.mixing.tolist(),
+            half_width=_or_none(found.mixing_half_width),
+            interval=RANGES_INTERVAL,
+        ),
+        noise=None if noise is None else float(noise),
+        used={
+            "method": "ranges",
+            "blur_projector_px": [float(np.sqrt(max(b.side_px2, 0))) for b in found.blur],
+        },
+        cautions=_cautions(found.warnings),
+    )
 
 
 def _cautions(remarks: tuple[Remark, ...]) -> tuple[Caution, ...]:

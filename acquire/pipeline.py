@@ -20,6 +20,7 @@ from acquire.methods import (
     Components,
     Iva,
     Method,
+    Pairs,
     Ranges,
     check_components,
     obstacle_to_ranges,
@@ -148,9 +149,7 @@ def process(
     if given.hot is not None:
         stack.leave_out(given.hot)
     used, unused = _suiting(stack, options, given)
-    name, remark = _method_name(session, options)
-    if name == "iva":
-        check_components(len(stack.groups), options.n_components or 2)
+    obstacle = _obstacle(session, stack, options)
     prepare(folder, session.folder)
     observer.stage("separating", len(stack))
     references = read_references(
@@ -159,16 +158,17 @@ def process(
     drift = references.levels.drift
     if drift is not None and used.noise is not None:
         used = replace(used, noise=drift.noise(used.noise, len(session.lines)))
-    work = _Work(session, folder, options, used, stack, references)
-    separated, noise, components, measured = work.done(name, observer, cluster)
+    work = _Work(session, folder, options, used, stack, references, obstacle)
+    separated, noise, components, measured = work.done(observer, cluster)
+    by_ranges = components.used["method"] == "ranges"
     found = (
         *cautions(session, separated),
         *profile_cautions(separated, used.noise, measured),
         *_interpolation(stack, options),
         *unused,
-        *remark,
+        *((OWN_NUMBER,) if by_ranges and options.n_components is not None else ()),
     )
-    said = _options_said(name, stack, options, used)
+    said = _options_said(stack, options, used)
     proof = _proof(session, folder, observer)
     about = {"frame_noise": noise, "profiles": given.summaries, "proof": proof}
     record = record_of(session, separated, components, said, found).model_copy(update=about)
@@ -186,13 +186,14 @@ class _Work:
     profiles: Profiles
     stack: Stack
     references: References
+    obstacle: str | None
 
     def done(
-        self, name: str, observer: Observer, cluster: Cluster | None
+        self, observer: Observer, cluster: Cluster | None
     ) -> tuple[SeparatedPitches, FrameNoiseRecord | None, Components, FrameNoise | None]:
         """The pitches, the noise that they were freed from, the components, the noise measured."""
         profiles, leak = self.profiles, self.options.leak
-        method = _method(name, self.session, self.folder, self.options, profiles)
+        method = self._method()
         try:
             if self.references.levels.lit is not None:
                 method.white(self.references.levels.lit)
@@ -223,6 +224,16 @@ class _Work:
             shutil.rmtree(self.folder / PARKED, ignore_errors=True)
         return separated, noise, components, frame_noise(separated)
 
+    def _method(self) -> Method:
+        """What takes the scene apart, by the option or else by what the frames allow."""
+        chosen = self.options.method
+        iva = Iva(self.options.n_components, self.options.n_iterations, self.options.smoothing_px)
+        if chosen == "iva":
+            return iva
+        if self.obstacle is None:
+            return Ranges(self.session, self.folder, self.profiles)
+        return Pairs(self.obstacle, None if chosen == "ranges" else iva)
+
     def _gatherer(self, method: Method, observer: Observer, cluster: Cluster | None) -> Gatherer:
         leak, wanted, advance = self.options.leak, method.wants_harmonics, observer.advance
         if cluster is None:
@@ -248,12 +259,10 @@ def _suiting(
     return for_photosites(profiles)
 
 
-def _options_said(
-    name: str, stack: Stack, options: Options, profiles: Profiles
-) -> dict[str, JsonValue]:
+def _options_said(stack: Stack, options: Options, profiles: Profiles) -> dict[str, JsonValue]:
     """The options as they were used."""
     said: dict[str, JsonValue] = asdict(options)
-    said |= {"method": name, "demosaic": options.demosaic if stack.has_mosaics else None}
+    said |= {"demosaic": options.demosaic if stack.has_mosaics else None}
     if profiles.uses:
         said["profiles"] = {use.kind: use.sha256 for use in profiles.uses}
     return said
@@ -270,28 +279,6 @@ def _proof(session: Session, folder: Path, observer: Observer) -> ProofRecord | 
     return proof.model_copy(update={"worst": worst})
 
 
-def _method_name(session: Session, options: Options) -> tuple[str, tuple[Caution, ...]]:
-    """The method to use, and a remark when it is not the best one."""
-    if options.method not in (None, *METHODS):
-        raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
-    if options.method is not None:
-        given = options.method == "ranges" and options.n_components is not None
-        return options.method, (OWN_NUMBER,) if given else ()
-    obstacle = obstacle_to_ranges(session)
-    if obstacle is None:
-        given = options.n_components is not None
-        return "ranges", (OWN_NUMBER,) if given else ()
-    return "iva", (
-        Caution(
-            what="Decomposed by independent vector analysis, because the default method cannot be "
-            f"used: {obstacle}.",
-            meaning="The components have no standard errors, and nothing keeps them from being "
-            "negative.",
-            remedy="Capture with the shifts of `lumisplit plan --example` for the default method.",
-        ),
-    )
-
-
 def _interpolation(stack: Stack, options: Options) -> tuple[Caution, ...]:
     """What a reader must know of pixels that were not measured."""
     if options.demosaic is Demosaic.SUPERPIXEL:
@@ -299,9 +286,14 @@ def _interpolation(stack: Stack, options: Options) -> tuple[Caution, ...]:
     return (INTERPOLATED if stack.has_mosaics else NO_MOSAICS,)
 
 
-def _method(
-    name: str, session: Session, folder: Path, options: Options, profiles: Profiles
-) -> Method:
-    if name == "ranges":
-        return Ranges(session, folder, profiles)
-    return Iva(options.n_components, options.n_iterations, options.smoothing_px)
+def _obstacle(session: Session, stack: Stack, options: Options) -> str | None:
+    """Why places cannot be found in the patterns; refuses what the options then exclude."""
+    if options.method not in (None, *METHODS):
+        raise ResultError(f"No method {options.method!r}; there are {', '.join(METHODS)}.")
+    obstacle = obstacle_to_ranges(session)
+    may_be_extrema = all(len(group.frames) == 2 for group in stack.groups)
+    if options.method == "ranges" and obstacle and not may_be_extrema:
+        raise StackError(f"{obstacle}; `--method iva` takes such sessions.")
+    if options.method == "iva" or (obstacle and not options.method):
+        check_components(len(stack.groups), options.n_components or 2)
+    return obstacle

@@ -185,7 +185,8 @@ def _judged(
     if not usable.any():
         return pitch
     mean = found.total[at] / np.float32(len(group.frames))
-    additivity = additivity_error(mean, white, usable) if group.is_balanced else None
+    adds_up = group.is_balanced and not found.sample.is_ordered
+    additivity = additivity_error(mean, white, usable) if adds_up else None
     peak = direct_peak(direct, white, usable)
     return pitch.model_copy(update={"additivity_error": additivity, "direct_peak": peak})
 

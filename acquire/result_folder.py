@@ -94,9 +94,10 @@ def record_of(
     height, width = separated.mask.shape
     notes = session.record.source.notes if session.record.source else ()
     told = (*notes, *found, *components.cautions)
+    used = options | components.used
     return ResultRecord(
-        method=str(options["method"]),
-        options=options | components.used,
+        method=str(used["method"]),
+        options=used,
         components=tuple(components.images),
         shape=(height, width),
         pitches=separated.pitches,

@@ -24,6 +24,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 _LATTICE_PIXELS = 9000
 _DRAWS = 3
+# Of what two ordered frames differ by, part that may have the other sign.
+_REVERSED = 0.01
 ADDED = (1.0, 3.0)
 
 
@@ -80,6 +82,19 @@ class FrameSample:
     def frames(self) -> Array:
         """(frames, rows, columns, colours), in the order of the patterns."""
         return np.stack([self._frames[one] for one in self.patterns]).astype(np.float64)
+
+    @property
+    def is_ordered(self) -> bool:
+        """Whether there are two frames of which one is nowhere darker than the other.
+
+        Of two positions of a pattern half of the pixels are brighter in either; noise alone, as
+        where nothing is lit, weighs by its size.
+        """
+        if len(self.patterns) != 2:
+            return False
+        difference = self.frames[0] - self.frames[1]
+        reversed_part = min(np.maximum(sign * difference, 0).sum() for sign in (1, -1))
+        return bool(reversed_part < _REVERSED * np.abs(difference).sum())
 
     @property
     def noise_variance(self) -> Array | None:

@@ -6,14 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 
 from acquire.errors import LumisplitError, ResultError, StackError
 from acquire.evaluation import evaluate, read_truth
+from acquire.frames import Frames
 from acquire.pipeline import INTERPOLATED, Options, process
 from acquire.report.settings import commands
 from acquire.result import Result
 from acquire.session import Session
+from acquire.stack import Stack
+from acquire.table import import_table
 from drivers.image import Demosaic
+from processing.metrics import relative_error
+from processing.patterns import Family
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16, 24]\n")
@@ -260,6 +266,49 @@ def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path) -> 
     assert any("default method cannot be used" in warning for warning in result.record.warnings)
     with pytest.raises(StackError, match="--method iva"):
         process(session, tmp_path / "r2", Options(method="ranges"), Silent())
+
+
+def extrema_of(session: Session, folder: Path) -> Session:
+    """An imported stack of the largest and smallest value of every pixel at each pitch."""
+    folder.mkdir()
+    stack, frames_of = Stack(session), Frames(session)
+    rows = ["file,role,pattern,pitch_px,shift_y_px,shift_x_px", "w.tiff,white,,,,"]
+    levels = {
+        frame.pattern.family: image.values
+        for frame, image in frames_of.images(session.frames)
+        if frame.pattern.family in {Family.WHITE, Family.BLACK}
+    }
+    tifffile.imwrite(
+        folder / "w.tiff", levels[Family.WHITE] - levels[Family.BLACK], photometric="rgb"
+    )
+    for group in stack.groups:
+        frames = np.stack([image.values for _, image in frames_of.images(group.frames)])
+        for name, pick, shift in (("max", np.max, 0), ("min", np.min, group.pitch_px)):
+            path = folder / f"{name}-{group.pitch_px}.tiff"
+            light = pick(frames, axis=0) - levels[Family.BLACK]
+            tifffile.imwrite(path, light, photometric="rgb")
+            rows.append(f"{path.name},pattern,checker,{group.pitch_px},{shift},0")
+    (folder / "t.csv").write_text("\n".join(rows) + "\n")
+    return import_table(folder / "t.csv", folder / "s", progress=Silent())
+
+
+def test_extrema_alone_are_taken_apart_by_range(sound: Session, tmp_path: Path) -> None:
+    session = extrema_of(sound, tmp_path / "import")
+    result = process(session, tmp_path / "r", Options(), Silent())
+    assert result.record.method == "ranges"
+    assert any("largest and smallest value" in warning for warning in result.record.warnings)
+    assert result.record.components[0] == "direct"
+    measured = result.mask == 0
+    truth = read_truth(sound.folder / "truth.npz", measured.shape)
+    blind = process(session, tmp_path / "blind", IVA, Silent())
+    errors = [
+        min(
+            relative_error(one.component(name), truth["direct"], measured)
+            for name in one.record.components
+        )
+        for one in (result, blind)
+    ]
+    assert errors[0] < errors[1]
 
 
 def test_a_result_replaces_only_a_result(sound: Session, unmixed: Result, tmp_path: Path) -> None:
