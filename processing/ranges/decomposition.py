@@ -30,15 +30,9 @@ from processing.numerics.threads import in_threads
 from processing.ranges.accounts import opaque, spread_grid, translucent
 from processing.ranges.blur import Blur
 from processing.ranges.correspondence import Correspondence, decode
-from processing.ranges.depth_edges import (
-    Seen,
-    Setting,
-    fit_two_places,
-    near_jumps,
-    places_beside,
-    seen_beside,
-)
+from processing.ranges.depth_edges import Seen, Setting, fit_two_places
 from processing.ranges.footprints import footprints
+from processing.ranges.jumps import near_jumps, places_beside, seen_beside, up_to_jumps
 from processing.ranges.near_light import NearLight
 from processing.ranges.optics import (
     NOISE_UNKNOWN,
@@ -190,8 +184,10 @@ def fit_ranges(
     near = Signs(mask.shape, told)
     fits, coherence, places = _fit_blocks(stack, white, mask, optics, near, progress)
     settled, suspects = _settle_edges(stack, white, places, mask, optics, fits, progress)
-    least_px = _CREASE_PITCHES * pitch_px.min() / projector_px_per_px(places, mask)
+    scale_px = projector_px_per_px(places, mask)
+    least_px = _CREASE_PITCHES * pitch_px.min() / scale_px
     found = translucent_map(fits.gain, mask, least_px, ~suspects, near)
+    found = up_to_jumps(found, suspects, places, scale_px)
     if not all(design.is_grid for design in stack.designs):
         found[:] = False
         warnings += (_NO_GRID,)

@@ -3,6 +3,10 @@
 The difference of their χ², summed over the colours and averaged over a neighbourhood, is the
 evidence. Only where it is strong is anything called subsurface scattering; elsewhere near-range
 light is inter-reflection.
+
+How the light that is not direct divides into the two in a translucent region, single pixels hardly
+tell: long paths below a surface look like those of light from near by. Their division is that of
+a neighbourhood; how much of the light is direct, and how much is not, stays the pixel's own.
 """
 
 from __future__ import annotations
@@ -175,11 +179,25 @@ class RivalFits:
         direct = np.minimum(np.where(found, accounts[1], accounts[0]), lit)
         rival = np.minimum(np.where(found, accounts[0], accounts[1]), lit)
         scattered = np.minimum(self._scattered[..., colour], lit - direct)
-        subsurface = np.where(found, scattered, np.float32(0))
+        subsurface = np.where(found, _shared(scattered, lit - direct, found), np.float32(0))
         parts = np.stack([direct, subsurface, lit - direct - subsurface])
         errors = self._errors[..., colour]
         noise, misfits = np.where(found, errors[1], errors[0]) * lit
         return ChosenColour(parts, noise, signs(misfits, parts, rival, scattered, found, mask))
+
+
+def _shared(scattered: Image, rest: Image, found: NDArray[np.bool_]) -> Image:
+    """Subsurface light as the share of what is not direct that it has over 5 × 5 such pixels."""
+    if not found.any():
+        return scattered
+    scattered_near, rest_near = (
+        ndimage.uniform_filter(
+            np.where(found, one, 0).astype(np.float64), _NEIGHBOURHOOD_PX[0], mode="constant"
+        )
+        for one in (scattered, rest)
+    )
+    share = scattered_near / np.maximum(rest_near, 1e-9)
+    return np.where(rest_near > 1e-9, np.clip(share, 0, 1) * rest, scattered).astype(np.float32)
 
 
 def _relative(error: NDArray[np.floating], light: NDArray[np.floating]) -> NDArray[np.floating]:
