@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Protocol
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,14 @@ from processing.frames.harmonics import PitchDesign, PitchHarmonics
 from processing.patterns import Family, Pattern
 
 Image = NDArray[np.float32]
+
+
+class Parked(Protocol):
+    """Harmonics of a pitch, (4, height, width, colours), that are read in parts."""
+
+    def __getitem__(self, part: tuple[slice, slice, slice], /) -> Image:
+        """Some lines and columns; the first slice is the whole one."""
+        ...
 
 
 class HarmonicsStack:
@@ -52,7 +62,7 @@ class HarmonicsStack:
         if out is not None and out.shape != wanted:
             raise ValueError(f"out has shape {out.shape}, the harmonics {wanted}")
         self._out = [None if out is None else out[k] for k in range(len(self.designs))]
-        self._harmonics: dict[int, Image] = {}
+        self._harmonics: dict[int, Image | Parked] = {}
         self._index = {key: k for k, key in enumerate(ordered)}
         self._open: dict[int, PitchHarmonics] = {}
         self._waiting = set(range(len(ordered)))
@@ -91,22 +101,22 @@ class HarmonicsStack:
         if self._open[k].is_complete:
             self._close(k)
 
-    def join(self, gathered: PitchHarmonics) -> None:
+    def join(self, gathered: PitchHarmonics, parked: Parked | None = None) -> None:
         """Take in a pitch whose frames were gathered elsewhere, all of them.
 
-        Its harmonics are kept as they are, which may be mapped from a file; its total and its null
-        combination are no longer needed then.
+        Its harmonics are kept as they are, or as they are `parked`; the rest of it is no longer
+        needed then.
         """
         design = gathered.design
         k = self._index.get((design.family, design.pitch_px), -1)
         if k not in self._waiting or k in self._open or not gathered.is_complete:
             raise ValueError(f"{design.family}:{design.pitch_px} is not waited for as a whole")
         self._open[k] = gathered
-        self._close(k)
+        self._close(k, parked)
 
-    def _close(self, k: int) -> None:
+    def _close(self, k: int, parked: Parked | None = None) -> None:
         gathered, design = self._open.pop(k), self.designs[k]
-        self._harmonics[k] = gathered.harmonics
+        self._harmonics[k] = gathered.harmonics if parked is None else parked
         # A line at a time: what is made on the way stays in the processor's cache.
         if design.is_balanced:
             for y, total in enumerate(gathered.total):
@@ -162,14 +172,47 @@ class HarmonicsStack:
 
         Returns
         -------
-        (pitches, 2, lines, columns, colours).
+        (pitches, 2, lines, columns, colours), of which each colour lies together in memory.
         """
         self._check_complete()
         columns = slice(None, None, lines.step)
-        offsets = np.stack([design.offset for design in self.designs]).astype(np.float32)
         half = 0.5 * white[lines, columns]
-        gathered = (self._harmonics[k][:, lines, columns] for k in range(len(self.designs)))
-        values = np.stack(list(gathered))
-        values -= offsets[..., None, None, None] * half
-        pairs: NDArray[np.complex64] = values[:, 0::2] + np.complex64(1j) * values[:, 1::2]
-        return pairs
+        height, width, colours = half.shape
+        pairs = np.empty((colours, len(self.designs), 2, height, width), np.complex64)
+        for k, design in enumerate(self.designs):
+            part = np.ascontiguousarray(self._harmonics[k][:, lines, columns])
+            _pair(part, half, design.offset.astype(np.float32), k, pairs)
+        return np.moveaxis(pairs, 0, -1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _pair(part, half, offset, k, pairs):  # type: ignore[no-untyped-def]
+    """Z⁺ and Z⁻ of pitch k without constant light, (colours, pitches, 2, lines, columns)."""
+    for sign in range(2):
+        real, imaginary = part[2 * sign], part[2 * sign + 1]
+        real_offset, imaginary_offset = offset[2 * sign], offset[2 * sign + 1]
+        for y in range(half.shape[0]):
+            for colour in range(half.shape[2]):
+                line = pairs[colour, k, sign, y]
+                for x in range(half.shape[1]):
+                    light = half[y, x, colour]
+                    line[x] = complex(
+                        real[y, x, colour] - real_offset * light,
+                        imaginary[y, x, colour] - imaginary_offset * light,
+                    )
+
+
+def pixels_of(harmonics: NDArray[np.complex64], chosen: NDArray[np.bool_]) -> NDArray[np.complex64]:
+    """Those (pitches, 2, n, colours) of `HarmonicsStack.harmonics` that are chosen.
+
+    Parameters
+    ----------
+    harmonics
+        (pitches, 2, lines, columns, colours).
+    chosen
+        bool, (lines, columns).
+    """
+    by_colour = np.moveaxis(harmonics, -1, 0)
+    if chosen.all():
+        return np.moveaxis(by_colour.reshape(*by_colour.shape[:3], -1), 0, -1)
+    return np.moveaxis(by_colour[:, :, :, chosen], 0, -1)

@@ -196,6 +196,32 @@ def cosine_after(x, quarters):  # type: ignore[no-untyped-def]
     return -found if quarter in (1, 2) else found
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def turn_each(angles, cosines, sines):  # type: ignore[no-untyped-def]
+    """Cosines and sines of some angles at once, for compiled code; NaN beyond some millions.
+
+    Both series are summed for each and one of them is taken: without a choice of ways, several
+    angles go side by side.
+    """
+    for i in range(angles.size):
+        x = angles[i]
+        turns = math.floor(x / (_HALF_PI[0] + _HALF_PI[1]) + 0.5)
+        rest = ((x - turns * _HALF_PI[0]) - turns * _HALF_PI[1]) - turns * _HALF_PI[2]
+        square, sine, cosine = rest * rest, 0.0, 0.0
+        for coefficient in _SINE:
+            sine = sine * square + coefficient
+        for coefficient in _COSINE:
+            cosine = cosine * square + coefficient
+        sine *= rest
+        half = 0.5 * turns
+        is_odd = half != math.floor(half)
+        # +1 in the first two quarters from −π/4 on, −1 in the others; likewise a quarter on.
+        sign = 1.0 if 0.5 * math.floor(half) == math.floor(0.5 * math.floor(half)) else -1.0
+        one, other = (sine, cosine) if is_odd else (cosine, sine)
+        cosines[i] = -sign * one if is_odd else sign * one
+        sines[i] = sign * other
+
+
 @cache
 def _normal_table() -> Array:
     """Taylor coefficients of Φ around each entry, (entries, terms), the highest last."""

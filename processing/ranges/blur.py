@@ -108,10 +108,11 @@ class Blur:
         least = _LEAST_SHARE * self.side_px2 - self.side_px2
         excess = np.maximum(self.camera_px2 * (footprint[:2] - self.footprint_px2), least)
         skew = self.skew_px2 + self.camera_px2 * footprint[2]
-        along = 0.5 * (np.outer(excess[0], rates2 * down) + np.outer(excess[1], rates2 * right))
-        across = np.outer(skew, rates2 * down * right)
-        gains: Array = exp(-np.stack([along + across, along - across], axis=-1))
-        return gains
+        along = 0.5 * (np.outer(rates2 * down, excess[0]) + np.outer(rates2 * right, excess[1]))
+        across = np.outer(rates2 * down * right, skew)
+        # Pixels lie side by side in memory, as compiled loops go over them.
+        gains: Array = exp(-np.stack([along + across, along - across], axis=1))
+        return np.moveaxis(gains, -1, 0)
 
 
 def adjusted(

@@ -20,13 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from processing.frames.harmonics import PitchDesign
-from processing.numerics.elementary import cos, cosine_after, sin
-from processing.ranges.response import ResponseTables, carrier
-from processing.ranges.slopes import bin_of
+from processing.numerics.elementary import cos, sin, turn_each
+from processing.ranges.kernels import compiled
+from processing.ranges.response import BINS_PER_PX, ResponseTables, carrier
 
 _NEWTON_STEPS = 4
 _JOINT_STEPS = 4
@@ -166,10 +165,10 @@ def _search(
     step_px = np.pi / rates.max() / 2
     lattice = np.arange(span_px[0], end_px + step_px, step_px)
     angles = np.outer(rates, lattice)
-    phasors = np.conj(harmonics / constants[:, np.newaxis]).astype(np.complex128)
     return _best_places(  # type: ignore[no-any-return]
-        np.ascontiguousarray(phasors.T), cos(angles), sin(angles), lattice, rates
-    )
+        np.ascontiguousarray(harmonics), 1 / constants.astype(np.complex128), cos(angles),
+        sin(angles), lattice, rates,
+    )  # fmt: skip
 
 
 def _fine(
@@ -180,108 +179,119 @@ def _fine(
     steps: int,
 ) -> NDArray[np.float64]:
     """(2, n) places from the tables; `prior` holds the start, relative to the phases' weight."""
-    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0)).astype(np.complex128)
-    return _refine(  # type: ignore[no-any-return]
-        pixels,
-        np.ascontiguousarray(tables.down[:, 0]),
-        np.ascontiguousarray(tables.right[:, 0]),
-        tables.down_slope,
-        tables.right_slope,
-        tables.first,
-        tables.pitch_px,
-        start,
-        prior,
-        steps,
+    down, right = (
+        np.stack([table[:, 0].real, table[:, 0].imag, slope], axis=1).astype(np.float32)
+        for table, slope in ((tables.down, tables.down_slope), (tables.right, tables.right_slope))
     )
+    return _refine(  # type: ignore[no-any-return]
+        np.ascontiguousarray(harmonics), down, right, tables.first, tables.pitch_px, start, prior,
+        steps,
+    )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
-def _best_places(phasors, cosines, sines, lattice, rates):  # type: ignore[no-untyped-def]
-    """Where Σ Re(phasor · e^{−i rate t}) is largest, pixel by pixel, and how near it is to Σ |·|.
+@compiled
+def _best_places(  # type: ignore[no-untyped-def]
+    harmonics, factors, cosines, sines, lattice, rates
+):  # fmt: skip
+    """Where Σ Re(Z · factor · e^{i rate t})  is largest, pixel by pixel, and how near to Σ |Z|.
 
     Near the pixel before, where that agrees as well as that one did, else over the whole lattice.
     """
-    n_pixels, n_rates = phasors.shape
+    n_rates, n_pixels = harmonics.shape
     places, coherence = np.zeros(n_pixels), np.zeros(n_pixels)
-    real, imaginary, scores = np.empty(n_rates), np.empty(n_rates), np.empty(len(lattice))
+    real, imaginary, room = np.empty(n_rates), np.empty(n_rates), np.zeros((4, n_rates))
+    scores = np.empty(len(lattice))
     for i in range(n_pixels):
-        curvature, size = 1e-30, 1e-30
         for k in range(n_rates):
-            real[k], imaginary[k] = phasors[i, k].real, phasors[i, k].imag
-            one = np.sqrt(real[k] ** 2 + imaginary[k] ** 2)
-            curvature += rates[k] ** 2 * one
-            size += one
+            one, factor = harmonics[k, i], factors[k]
+            real[k] = one.real * factor.real - one.imag * factor.imag
+            imaginary[k] = -(one.real * factor.imag + one.imag * factor.real)
+        for k in range(n_rates):
+            size = np.sqrt(real[k] * real[k] + imaginary[k] * imaginary[k])
+            room[0, k], room[1, k] = size, rates[k] * rates[k] * size
+        size, curvature = _total(room[0]) + 1e-30, _total(room[1]) + 1e-30
         if i > 0:
-            place, agreed = _climb(real, imaginary, rates, places[i - 1], curvature)
+            place, agreed = _climb(real, imaginary, rates, places[i - 1], curvature, room)
             places[i], coherence[i] = place, agreed / size
             if coherence[i] >= max(coherence[i - 1] - _MOST_FALL, _SURE):
                 continue
         scores[:] = 0
         for k in range(n_rates):
+            one, other = real[k], imaginary[k]
             for j in range(len(lattice)):
-                scores[j] += real[k] * cosines[k, j] + imaginary[k] * sines[k, j]
+                scores[j] += one * cosines[k, j] + other * sines[k, j]
         best = lattice[np.argmax(scores)]
-        place, agreed = _climb(real, imaginary, rates, best, curvature)
+        place, agreed = _climb(real, imaginary, rates, best, curvature, room)
         places[i], coherence[i] = place, agreed / size
     return places, coherence
 
 
-@njit(cache=True, nogil=True)
-def _climb(real, imaginary, rates, place, curvature):  # type: ignore[no-untyped-def]
+@compiled
+def _climb(real, imaginary, rates, place, curvature, room):  # type: ignore[no-untyped-def]
     """Newton steps from a place; where they end, and the sum there."""
-    for _ in range(_NEWTON_STEPS):
-        slope = 0.0
+    angles, cosines, sines, terms = room[0], room[1], room[2], room[3]
+    for steps in range(_NEWTON_STEPS + 1):
         for k in range(len(rates)):
-            angle = rates[k] * place
-            cosine, sine = cosine_after(angle, 0), cosine_after(angle, 3)
-            slope += rates[k] * (imaginary[k] * cosine - real[k] * sine)
-        step = slope / curvature
+            angles[k] = rates[k] * place
+        turn_each(angles, cosines, sines)
+        if steps == _NEWTON_STEPS:
+            break
+        for k in range(len(rates)):
+            terms[k] = rates[k] * (imaginary[k] * cosines[k] - real[k] * sines[k])
+        step = _total(terms) / curvature
         place += step
         if abs(step) < _ARRIVED_PX:
+            # The sum is flat there: half a step's change of it is none.
             break
-    agreed = 0.0
     for k in range(len(rates)):
-        angle = rates[k] * place
-        agreed += real[k] * cosine_after(angle, 0) + imaginary[k] * cosine_after(angle, 3)
-    return place, agreed
+        terms[k] = real[k] * cosines[k] + imaginary[k] * sines[k]
+    return place, _total(terms)
 
 
-@njit(cache=True, nogil=True)
+@compiled
+def _total(terms):  # type: ignore[no-untyped-def]
+    """Their sum, in an order that does not wait for one addition to begin the next."""
+    one, two, three, four = 0.0, 0.0, 0.0, 0.0
+    whole = terms.size - terms.size % 4
+    for k in range(0, whole, 4):
+        one += terms[k]
+        two += terms[k + 1]
+        three += terms[k + 2]
+        four += terms[k + 3]
+    for k in range(whole, terms.size):
+        one += terms[k]
+    return (one + two) + (three + four)
+
+
+@compiled
 def _refine(  # type: ignore[no-untyped-def]
-    harmonics, down, right, down_slope, right_slope, first, pitch_px, start, prior, steps
-):
+    harmonics, down, right, first, pitch_px, start, prior, steps
+):  # fmt: skip
     """Gauss–Newton on weighted phases, with slopes of T taken over a pixel."""
-    n_pixels, n_pitches, _ = harmonics.shape
-    places = start.copy()
+    n_pitches, _, n_pixels = harmonics.shape
+    places, seen = start.copy(), np.empty((4, n_pitches))
+    tables, room = np.empty((6, n_pitches)), np.empty((5, n_pitches))
+    rates2 = (np.pi / pitch_px) ** 2
     for i in range(n_pixels):
+        for k in range(n_pitches):
+            plus, minus = harmonics[k, 0, i], harmonics[k, 1, i]
+            seen[0, k], seen[1, k] = plus.real, plus.imag
+            seen[2, k], seen[3, k] = minus.real, minus.imag
+        begin_y, begin_x = start[0, i], start[1, i]
+        y, x = begin_y, begin_x
+        if i > 0:
+            # As far from where it is looked for as the pixel before was.
+            y += places[0, i - 1] - start[0, i - 1]
+            x += places[1, i - 1] - start[1, i - 1]
         for _ in range(steps):
-            yy, yx, xx, gy, gx = 1e-30, 0.0, 1e-30, 0.0, 0.0
-            for k in range(n_pitches):
-                period = 2 * pitch_px[k]
-                y, x = places[0, i], places[1, i]
-                bin_y, part_y = bin_of(y, period)
-                bin_x, part_x = bin_of(x, period)
-                bin_y, bin_x = first[k] + bin_y, first[k] + bin_x
-                at_y = down[bin_y] * (1 - part_y) + down[bin_y + 1] * part_y
-                at_x = right[bin_x] * (1 - part_x) + right[bin_x + 1] * part_x
-                slope_y = down_slope[bin_y] * (1 - part_y) + down_slope[bin_y + 1] * part_y
-                slope_x = right_slope[bin_x] * (1 - part_x) + right_slope[bin_x + 1] * part_x
-                rate2 = (np.pi / pitch_px[k]) ** 2
-                for sign in range(2):
-                    expected = at_y * (at_x if sign == 0 else np.conj(at_x))
-                    along_x = slope_x if sign == 0 else -slope_x
-                    product = harmonics[i, k, sign] * np.conj(expected)
-                    # Im is amplitude times sine of what is left of the phase, Re its curvature.
-                    weight = rate2 * np.abs(product.real)
-                    pull = rate2 * product.imag
-                    yy += weight * slope_y * slope_y
-                    yx += weight * slope_y * along_x
-                    xx += weight * along_x * along_x
-                    gy += slope_y * pull
-                    gx += along_x * pull
+            _look_up(down, first, pitch_px, y, tables[:3])
+            _look_up(right, first, pitch_px, x, tables[3:])
+            _pull(seen, tables, rates2, room)
+            yy, yx, xx = _total(room[0]) + 1e-30, _total(room[1]), _total(room[2]) + 1e-30
+            gy, gx = _total(room[3]), _total(room[4])
             hold = prior * (yy + xx)
-            gy += hold * (start[0, i] - places[0, i])
-            gx += hold * (start[1, i] - places[1, i])
+            gy += hold * (begin_y - y)
+            gx += hold * (begin_x - x)
             yy += hold
             xx += hold
             determinant = yy * xx - yx * yx
@@ -291,8 +301,43 @@ def _refine(  # type: ignore[no-untyped-def]
             else:
                 step_y = gy / yy if yy > 1e-20 else 0.0
                 step_x = gx / xx if xx > 1e-20 else 0.0
-            places[0, i] += min(max(step_y, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
-            places[1, i] += min(max(step_x, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
+            y += min(max(step_y, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
+            x += min(max(step_x, -_LONGEST_STEP_PX), _LONGEST_STEP_PX)
             if max(abs(step_y), abs(step_x)) < _ARRIVED_PX:
                 break
+        places[0, i], places[1, i] = y, x
     return places
+
+
+@compiled
+def _look_up(table, first, pitch_px, place, found):  # type: ignore[no-untyped-def]
+    """Real and imaginary part of T and its slope at a place, (3, pitches), linear between bins."""
+    for k in range(pitch_px.size):
+        period = 2 * pitch_px[k]
+        at = (place - np.floor(place / period) * period) * BINS_PER_PX
+        index = min(max(int(at), 0), int(period) * BINS_PER_PX - 1)
+        share = at - index
+        low, high, rest = table[first[k] + index], table[first[k] + index + 1], 1 - share
+        found[0, k] = low[0] * rest + high[0] * share
+        found[1, k] = low[1] * rest + high[1] * share
+        found[2, k] = low[2] * rest + high[2] * share
+
+
+@compiled
+def _pull(seen, tables, rates2, room):  # type: ignore[no-untyped-def]
+    """What each pitch adds to the normal equations of a step: yy, yx, xx, and right sides."""
+    for k in range(rates2.size):
+        y_re, y_im, along_y = tables[0, k], tables[1, k], tables[2, k]
+        x_re, x_im, along_x = tables[3, k], tables[4, k], tables[5, k]
+        # Im is amplitude times sine of what is left of the phase, Re its curvature.
+        re, im = y_re * x_re - y_im * x_im, y_re * x_im + y_im * x_re
+        weight = rates2[k] * abs(seen[0, k] * re + seen[1, k] * im)
+        pull = rates2[k] * (seen[1, k] * re - seen[0, k] * im)
+        re, im = y_re * x_re + y_im * x_im, y_im * x_re - y_re * x_im
+        weight_2 = rates2[k] * abs(seen[2, k] * re + seen[3, k] * im)
+        pull_2 = rates2[k] * (seen[3, k] * re - seen[2, k] * im)
+        room[0, k] = (weight + weight_2) * along_y * along_y
+        room[1, k] = (weight - weight_2) * along_y * along_x
+        room[2, k] = (weight + weight_2) * along_x * along_x
+        room[3, k] = along_y * (pull + pull_2)
+        room[4, k] = along_x * (pull - pull_2)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.frames.gathering import HarmonicsStack
+from processing.frames.gathering import HarmonicsStack, pixels_of
 from processing.frames.noise_lines import noise_lines
 from processing.numerics.linear_algebra import product
 from processing.numerics.threads import in_threads
@@ -62,6 +62,8 @@ _LEAST_COHERENCE = 0.8
 _CREASE_PITCHES = 3.0
 # Lines beside a block whose places its footprints need.
 _HALO = 3
+# Blocks that follow one another, each decoding what the last one has not.
+_BAND = 4
 # Part of the time that fitting takes; the rest goes to depth edges.
 _FIT_SHARE = 0.9
 
@@ -97,13 +99,10 @@ class _Optics:
 
     def gains(self, shapes: Array) -> Array:
         """(n, pitches, 2, colours) for (3, n) footprints."""
-        return np.stack(
-            [
-                one.gains(table.pitch_px, table.varies, shapes)
-                for one, table in zip(self.blur, self.tables, strict=True)
-            ],
-            axis=-1,
-        )
+        pairs = zip(self.blur, self.tables, strict=True)
+        each = [one.gains(table.pitch_px, table.varies, shapes) for one, table in pairs]
+        # As they lie in memory: pixel beside pixel.
+        return np.moveaxis(np.stack([np.moveaxis(one, 0, -1) for one in each]), (3, 0), (0, 3))
 
     def blur_deviations(self, shapes: Array) -> tuple[Array, ...]:
         """(n, 2) of each colour for (3, n) footprints."""
@@ -163,7 +162,7 @@ def fit_ranges(
     spaced = lattice(mask.shape)
     sampled = mask[spaced]
     sample = Sample(
-        stack.harmonics(white, spaced[0])[:, :, sampled],
+        pixels_of(stack.harmonics(white, spaced[0]), sampled),
         white[spaced][sampled],
         sampled,
         spaced[0].step,
@@ -237,28 +236,60 @@ class _Located:
     blur_deviations: tuple[Array, ...]
 
 
-def _locate(
-    stack: HarmonicsStack, white: Image, mask: NDArray[np.bool_], lines: slice, optics: _Optics
-) -> _Located:
-    """Decode the usable pixels of some lines, with the lines beside them for their footprints."""
-    first, last = max(lines.start - _HALO, 0), min(lines.stop + _HALO, len(mask))
-    wide = slice(first, last)
-    usable = mask[wide]
-    harmonics = stack.harmonics(white, wide)[:, :, usable]
-    places = decode(harmonics, stack.designs, optics.tables, stack.projector_px)
-    around = np.zeros((2, *usable.shape))
-    around[:, usable] = places.place_px.mean(axis=-1)
-    shapes = footprints(around, usable)[:, usable]
-    inner = np.zeros(usable.shape, bool)
-    inner[lines.start - first : lines.stop - first] = True
-    kept = inner[usable]
-    return _Located(
-        np.ascontiguousarray(harmonics[:, :, kept]),
-        white[wide][usable][kept].astype(np.float64),
-        Correspondence(places.place_px[:, kept], places.coherence[kept]),
-        optics.gains(shapes[:, kept]),
-        optics.blur_deviations(shapes[:, kept]),
-    )
+class _Band:
+    """Some lines and those beside them, which are decoded once, from the first to the last."""
+
+    def __init__(
+        self,
+        stack: HarmonicsStack,
+        white: Image,
+        mask: NDArray[np.bool_],
+        lines: slice,
+        optics: _Optics,
+    ) -> None:
+        self._stack, self._white, self._optics = stack, white, optics
+        self._first = self._decoded = max(lines.start - _HALO, 0)
+        self._end = min(lines.stop + _HALO, len(mask))
+        self._mask = mask[self._first : self._end]
+        self._places = np.zeros((2, *self._mask.shape, white.shape[2]))
+        self._coherence = np.zeros(self._mask.shape)
+
+    def located(self, lines: slice) -> _Located:
+        """The usable pixels of some lines, which follow on those asked for before."""
+        optics, end = self._optics, min(lines.stop + _HALO, self._end)
+        # Lines without usable pixels may have been passed over.
+        self._decoded = max(self._decoded, lines.start - _HALO)
+        first = min(self._decoded, lines.start)
+        harmonics = self._stack.harmonics(self._white, slice(first, end))
+        self._decode(harmonics[:, :, self._decoded - first :], end)
+        inside = slice(max(lines.start - _HALO, self._first), end)
+        around = self._within(inside)
+        wide = self._mask[around]
+        shapes = footprints(self._places[:, around].mean(axis=-1), wide)
+        chosen, mine = self._mask[self._within(lines)], self._within(lines)
+        shapes = shapes[:, lines.start - inside.start :][:, : len(chosen)][:, chosen]
+        seen = harmonics[:, :, lines.start - first : lines.stop - first]
+        return _Located(
+            pixels_of(seen, chosen),
+            self._white[lines][chosen].astype(np.float64),
+            Correspondence(self._places[:, mine][:, chosen], self._coherence[mine][chosen]),
+            optics.gains(shapes),
+            optics.blur_deviations(shapes),
+        )
+
+    def _within(self, lines: slice) -> slice:
+        return slice(lines.start - self._first, lines.stop - self._first)
+
+    def _decode(self, harmonics: NDArray[np.complex64], end: int) -> None:
+        """Lines from where it was left to `end`."""
+        lines = self._within(slice(self._decoded, end))
+        usable = self._mask[lines]
+        self._decoded = end
+        if usable.any():
+            seen, stack = pixels_of(harmonics, usable), self._stack
+            found = decode(seen, stack.designs, self._optics.tables, stack.projector_px)
+            self._places[:, lines][:, usable] = found.place_px
+            self._coherence[lines][usable] = found.coherence
 
 
 def _fit_blocks(
@@ -273,15 +304,18 @@ def _fit_blocks(
     fits, coherence = RivalFits(white.shape), np.zeros(mask.shape, np.float32)
     places_px = np.full((2, *mask.shape), np.nan, np.float32)
 
-    def fit(lines: slice) -> None:
-        chosen = mask[lines]
-        located = _locate(stack, white, mask, lines, optics)
-        fits.add(lines, chosen, located.light, _fitted(located, optics))
-        coherence[lines][chosen] = located.places.coherence
-        places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
-        near.add(lines, chosen, _near_light(located, optics))
+    def fit(band: list[slice]) -> None:
+        seen = _Band(stack, white, mask, slice(band[0].start, band[-1].stop), optics)
+        for lines in band:
+            chosen, located = mask[lines], seen.located(lines)
+            fits.add(lines, chosen, located.light, _fitted(located, optics))
+            coherence[lines][chosen] = located.places.coherence
+            places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
+            near.add(lines, chosen, _near_light(located, optics))
 
-    _in_threads(fit, mask, lambda part: progress(_FIT_SHARE * part))
+    every = [lines for lines in blocks(mask.shape) if mask[lines].any()]
+    bands = [every[k : k + _BAND] for k in range(0, len(every), _BAND)]
+    in_threads(fit, bands, lambda part: progress(_FIT_SHARE * part))
     return fits, coherence, places_px
 
 
@@ -316,7 +350,7 @@ def _settle_edges(
 
     def settle(lines: slice) -> None:
         chosen = suspects[lines]
-        harmonics = stack.harmonics(white, lines)[:, :, chosen]
+        harmonics = pixels_of(stack.harmonics(white, lines), chosen)
         light = white[lines][chosen].astype(np.float64)
         places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
         gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])

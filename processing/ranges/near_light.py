@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from processing.numerics.elementary import log
 from processing.ranges.response import ResponseTables
-from processing.ranges.slopes import look_up
+from processing.ranges.slopes import relative
 
 Array = NDArray[np.float64]
 
@@ -75,17 +74,12 @@ class NearLight:
         pitch_px, varies = tables[0].pitch_px, tables[0].varies
         finest = pitch_px.min()
         near = np.flatnonzero(pitch_px <= _NEAR * finest)
-        seen = np.zeros((white.shape[0], len(near), 2), np.complex128)
-        for colour, table in enumerate(tables):
-            seen += _relative(
-                np.ascontiguousarray(np.moveaxis(harmonics[near][..., colour], 2, 0)),
-                np.ascontiguousarray(places[..., colour]),
-                table.down, table.right, table.first[near], pitch_px[near],
-                np.ascontiguousarray(gains[:, near][..., colour]),
-            )  # fmt: skip
-        share = seen / np.maximum(white.sum(axis=1), 1e-12)[:, np.newaxis, np.newaxis]
+        seen = np.zeros((len(near), 2, white.shape[0]), np.complex128)
+        for k, table in enumerate(tables):
+            seen += relative(harmonics[..., k], places[..., k], table, gains[..., k], near)
+        share = seen / np.maximum(white.sum(axis=1), 1e-12)
         pitches = np.unique(pitch_px[near])
-        rows = [share[:, pitch_px[near] == one].real.mean(axis=(1, 2)) for one in pitches]
+        rows = [share[pitch_px[near] == one].real.mean(axis=(0, 1)) for one in pitches]
         unknown = np.full(white.shape[0], np.nan)
         excess = unknown if len(pitches) < 2 else _excess(rows[0], rows[1], pitches[:2])
         middle = (pitch_px[near] >= _LEAN_FROM * finest) & (pitch_px[near] <= _LEAN_TO * finest)
@@ -93,7 +87,7 @@ class NearLight:
             return cls(excess, np.stack([unknown] * 2), np.stack([unknown] * 2))
         second = rows[int(np.argmax(pitches >= _SECOND * finest))]
         lost = rows[-1] - np.stack([rows[0], second])
-        return cls(excess, lost, share[:, middle].imag.mean(axis=1).T)
+        return cls(excess, lost, share[middle].imag.mean(axis=0))
 
 
 def _excess(finest: Array, next_finest: Array, pitch_px: Array) -> Array:
@@ -102,19 +96,3 @@ def _excess(finest: Array, next_finest: Array, pitch_px: Array) -> Array:
     bright = (finest > _LEAST_DIRECT) & (next_finest > _LEAST_DIRECT)
     ratio = np.where(bright, finest, 1.0) / np.where(bright, next_finest, 1.0)
     return np.where(bright, -log(ratio) / (rates[0] - rates[1]), np.nan)
-
-
-@njit(cache=True, nogil=True)
-def _relative(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
-    """The q of both diagonals apart, (n, pitches, 2)."""
-    n_pixels, n_pitches, _ = harmonics.shape
-    found = np.zeros((n_pixels, n_pitches, 2), np.complex128)
-    for i in range(n_pixels):
-        for k in range(n_pitches):
-            at_y = look_up(down, first[k], 2 * pitch_px[k], places[0, i], 0)
-            at_x = look_up(right, first[k], 2 * pitch_px[k], places[1, i], 0)
-            for sign in range(2):
-                one = at_y * (at_x if sign == 0 else np.conj(at_x)) * gain[i, k, sign]
-                energy = max(np.abs(one) ** 2, 1e-12)
-                found[i, k, sign] = 2 * harmonics[i, k, sign] * np.conj(one) / energy
-    return found

@@ -88,11 +88,34 @@ def slopes(
     gains
         (n, pitches, 2), `processing.ranges.blur.Blur.gains`.
     """
-    pixels = np.ascontiguousarray(np.moveaxis(harmonics, -1, 0))
-    return _slopes(  # type: ignore[no-any-return]
-        pixels, np.ascontiguousarray(places), tables.down, tables.right, tables.first,
-        tables.pitch_px, gains,
+    every = np.arange(len(tables.pitch_px))
+    return np.moveaxis(relative(harmonics, places, tables, gains, every).real, -1, 0)
+
+
+def relative(
+    harmonics: NDArray[np.complex64],
+    places: Array,
+    tables: ResponseTables,
+    gains: Array,
+    chosen: NDArray[np.int64],
+) -> NDArray[np.complex128]:
+    """2⟨Z_0, Z⟩/⟨Z_0, Z_0⟩ of both diagonals apart, (m, 2, n); its real part is D.
+
+    Parameters
+    ----------
+    harmonics, places, tables, gains
+        As for `slopes`.
+    chosen
+        (m,): which pitches.
+    """
+    found = np.empty((len(chosen), 2, len(gains)), np.complex128)
+    _relate(
+        np.ascontiguousarray(harmonics), np.ascontiguousarray(places),
+        np.ascontiguousarray(tables.down[:, 0]), np.ascontiguousarray(tables.right[:, 0]),
+        tables.first, tables.pitch_px, np.ascontiguousarray(np.moveaxis(gains, 0, -1)), chosen,
+        found,
     )  # fmt: skip
+    return found
 
 
 @compiled
@@ -118,17 +141,18 @@ def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def
 
 
 @compiled
-def _slopes(harmonics, places, down, right, first, pitch_px, gain):  # type: ignore[no-untyped-def]
-    n_pixels, n_pitches, _ = harmonics.shape
-    found = np.zeros((n_pixels, n_pitches, 2))
-    for i in range(n_pixels):
-        for k in range(n_pitches):
+def _relate(  # type: ignore[no-untyped-def]
+    harmonics, places, down, right, first, pitch_px, gain, chosen, found
+):  # fmt: skip
+    for m in range(len(chosen)):
+        k = chosen[m]
+        for i in range(found.shape[2]):
             bin_y, part_y = bin_of(places[0, i], 2 * pitch_px[k])
             bin_x, part_x = bin_of(places[1, i], 2 * pitch_px[k])
-            at_y = between(down, first[k] + bin_y, part_y, 0)
-            at_x = between(right, first[k] + bin_x, part_x, 0)
-            plus, minus = at_y * at_x * gain[i, k, 0], at_y * np.conj(at_x) * gain[i, k, 1]
-            for sign, one in enumerate((plus, minus)):
-                seen = harmonics[i, k, sign]
-                found[i, k, sign] = 2 * (seen * np.conj(one)).real / max(np.abs(one) ** 2, 1e-12)
-    return found
+            bin_y, bin_x = first[k] + bin_y, first[k] + bin_x
+            at_y = down[bin_y] * (1 - part_y) + down[bin_y + 1] * part_y
+            at_x = right[bin_x] * (1 - part_x) + right[bin_x + 1] * part_x
+            for sign in range(2):
+                one = at_y * (at_x if sign == 0 else np.conj(at_x)) * gain[k, sign, i]
+                energy = max(one.real * one.real + one.imag * one.imag, 1e-12)
+                found[m, sign, i] = harmonics[k, sign, i] * np.conj(one) * (2 / energy)
