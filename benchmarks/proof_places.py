@@ -22,13 +22,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from acquire.plan import Step
 from acquire.proof.placement import Placement
 from acquire.proof.samples import FrameSamples, sample_frame
 from acquire.proof.units import FAMILIES
 from acquire.proof.white_black import WhiteBlack
 from acquire.session import Transfer
 from benchmarks.trials import PITCHES_PX, Trial, trial
-from drivers.protocols import CameraSettings, Raster
+from drivers.protocols import Raster
 from drivers.sim.defects import Defects
 from drivers.sim.devices import SimulatedBench, SimulationConfig, build
 from drivers.sim.dng import MEDIA_TYPE
@@ -61,11 +62,11 @@ class Stand:
         places[self.chance.random(places.shape[:2]) < UNKNOWN] = np.nan
         self.placement = Placement(self.plan, places[..., 1], places[..., 0], self.projector_px)
 
-    def samples(self, raster: Raster, settings: CameraSettings, attempt: int) -> FrameSamples:
-        """Of a frame of a raster at this place in the run."""
-        stage = self.bench.stage
+    def samples(self, raster: Raster, step: Step, attempt: int) -> FrameSamples:
+        """Of a frame of a raster at the step's place in the run."""
+        stage, settings = self.bench.stage, step.settings
+        stage.index, stage.attempt = step.index, attempt
         stage.command(raster)
-        stage.attempt = attempt
         return sample_frame(self.bench.camera.capture(settings).data, MEDIA_TYPE, Transfer.RAW)
 
     def light(self, raster: Raster) -> NDArray[np.float64]:
@@ -117,7 +118,7 @@ def outcomes(one: Trial) -> Iterator[tuple[str, str]]:
     references: dict[Family, FrameSamples] = {}
     for step in one.plan.steps:
         pattern, raster = step.pattern, stand.raster(step.pattern)
-        own = stand.samples(raster, step.settings, 0)
+        own = stand.samples(raster, step, 0)
         if pattern.family.is_reference:
             references.setdefault(pattern.family, own)
         elif len(references) == 2:
@@ -131,9 +132,7 @@ def outcomes(one: Trial) -> Iterator[tuple[str, str]]:
             other = stand.wrong(pattern, kind)
             right_light = stand.light(raster)
             away = np.sqrt(np.mean((stand.light(other) - right_light) ** 2)) / right_light.mean()
-            found = stand.placement.sighting(
-                pattern, stand.samples(other, step.settings, 1), known, None
-            )
+            found = stand.placement.sighting(pattern, stand.samples(other, step, 1), known, None)
             if found is not None:
                 unseen = found.finding is Finding.UNSEEN
                 told = "found" if found.is_wrong else "not told" if unseen else "missed"
@@ -141,7 +140,6 @@ def outcomes(one: Trial) -> Iterator[tuple[str, str]]:
                     near = stand.is_near(other, raster)
                     told = "too near" if near else "alike" if away < LEAST_DIFFERENT else told
                 yield kind, told
-        stand.bench.stage.delivered(b"")
 
 
 def main() -> None:

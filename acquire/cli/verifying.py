@@ -67,7 +67,7 @@ class _Checked:
 
 
 def _checked(session: Session, progress: ProgressDisplay, *, images: bool) -> _Checked:
-    from acquire.proof import camera_clock_jumps, examine, verdict
+    from acquire.proof import Recorded, camera_clock_jumps, verdict
 
     found: list[str] = []
     damaged: list[int] = []
@@ -78,16 +78,19 @@ def _checked(session: Session, progress: ProgressDisplay, *, images: bool) -> _C
             damaged += [number] if number < len(session.lines) else []
         progress.advance()
     proofs: list[FrameProof] = []
+    said = list(verdict(session, proofs)) if images else None
     if images and not found:
         progress.stage("judging", len(session.frames))
-        proofs = list(examine(session, progress.advance))
+        recorded = Recorded(session)
+        proofs = list(recorded.proofs(progress.advance))
+        said = [*verdict(session, proofs), *recorded.disagreements()]
     return _Checked(
         session=session,
         problems=found,
         remedy=remedy(session, damaged[0]) if damaged else None,
         befell=[*happenings(session), *camera_clock_jumps(session)],
         proofs=proofs,
-        verdict=list(verdict(session, proofs)) if images else None,
+        verdict=said,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from acquire.plan import Plan
+from acquire.proof.agreement import Agreement
 from acquire.proof.exposures import Exposure, Exposures
 from acquire.proof.kinds import Codes
 from acquire.proof.pattern_frames import FEWEST_PLACES, PatternFrames
@@ -47,6 +48,8 @@ class Examination:
         self._exposures = Exposures()
         self._codes = Codes(plan, projector_px)
         self._placement = placement
+        self._agreement = Agreement(plan, self.units, projector_px)
+        self._last: dict[int, FrameProof] = {}
         # By file and by the white and black that it was compared with, as long as these are kept.
         self._sightings: dict[tuple[str, ...], Sighting | None] = {}
         self._white: int | None = None
@@ -71,8 +74,13 @@ class Examination:
         frames = PatternFrames(unit, self._exposures, self._codes, known, sightings)
         steps = {Reference.WHITE: self._white, Reference.BLACK: self._black}
         accused = [step for one in sorted(wrong) if (step := steps[one]) is not None]
-        proofs = [plain_proof(self._exposures[step], Finding.OTHER) for step in accused]
-        return (*frames.proofs(), *proofs)
+        own = frames.proofs()
+        self._last = {proof.step: proof for proof in own}
+        return (*own, *(plain_proof(self._exposures[step], Finding.OTHER) for step in accused))
+
+    def disagreements(self) -> list[str]:
+        """Pitches that stand elsewhere than the others say, once all are settled, in words."""
+        return self._agreement.in_words()
 
     def seen_at_once(self, number: int) -> FrameProof | None:
         """The exposure of a line that is certainly wrong by itself; None where it may be right."""
@@ -118,6 +126,9 @@ class Examination:
     def settle(self, unit: Unit) -> None:
         """The unit is done: rely on its references, forget its patterns."""
         if not unit.are_references:
+            if all(step in self._exposures and step in self._last for step in unit.steps):
+                known = self._known_references(unit.steps[0])
+                self._agreement.add(unit, self._exposures, known, self._last)
             self._exposures.forget(unit.steps)
             self._sightings.clear()
             return

@@ -208,6 +208,9 @@ class Prover:
         )
         self._examination.settle(unit)
         self._open.discard(unit)
+        if not self._open:
+            for text in self._examination.disagreements():
+                self._warn(text, Kind.WARNING)
 
     def _collect(self, at_most: int) -> None:
         while len(self._waiting) > at_most:

@@ -18,14 +18,14 @@ from acquire.profile_file import (
     read_profile,
     write_profile,
 )
-from acquire.proof import examine, read_proofs, verdict
+from acquire.proof import Recorded, examine, read_proofs, verdict
 from acquire.recording import record
 from acquire.rig import Bench
 from acquire.rig.simulated import simulated_bench
 from acquire.session import Session
 from drivers.sim.devices import SimulationConfig, build
 from processing.proof.finding import Finding
-from tests.acquire.captures import SMALL_SIM, Notes, recorded_bytes, small_plan
+from tests.acquire.captures import SMALL_SIM, Notes, captured, recorded_bytes, small_plan
 from tests.acquire.faults import Faults, with_faults
 
 PLAN = small_plan("[pattern]\npitch_px = [8, 12, 16]\nshifts = [4, 2]\n")
@@ -158,6 +158,30 @@ def test_a_session_kept_all_the_same_says_which_pitch_stands_where(
     session = taken(tmp_path / "s", with_faults(bench(), faults), profile, keep_unproven=True)
     assert "The frames of checker of 12 px stand 5 px to the right" in told(session)
     assert "16 px" not in told(session).partition("stand")[0]
+
+
+@pytest.mark.parametrize("family", ["checker", "stripes-columns"])
+def test_without_a_profile_the_other_pitches_tell_of_one_that_stands_elsewhere(
+    tmp_path: Path, family: str
+) -> None:
+    text = f'[pattern]\nfamily = "{family}"\npitch_px = [8, 10, 12, 18]\nshifts = [4, 3]\n'
+    plan = small_plan(text.replace("[4, 3]", "[6, 6]" if "stripes" in family else "[4, 3]"))
+    those = {
+        plan.projector.raster(pattern, SIM.projector_px).tobytes()
+        for pattern in plan.patterns
+        if pattern.pitch_px == 12
+    }
+    faults = Faults(rolled=lambda _, raster: 7 if raster.tobytes() in those else 0)
+    notes, good_notes = Notes(), Notes()
+    session, _ = captured(tmp_path / "s", plan, with_faults(bench(), faults), notes)
+    good, _ = captured(tmp_path / "good", plan, bench(), good_notes)
+    (said,) = notes.warnings
+    assert f"The frames of {family} of 12 px" in said
+    assert good_notes.warnings == []
+    for one, expected in ((session, [said]), (good, [])):
+        recorded = Recorded(one)
+        assert not any(proof.is_wrong for proof in recorded.proofs(lambda: None))
+        assert recorded.disagreements() == expected
 
 
 def test_interrupted_it_ends_in_the_same_bytes(tmp_path: Path, profile: Path) -> None:
