@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from acquire.errors import StackError
+from acquire.parked import ParkedImages
 from acquire.pitches import SeparatedPitches, open_rows
 from acquire.profile_use import Profiles
 from acquire.result import MixingRecord, PixelClass
@@ -212,13 +213,9 @@ class Ranges:
             self._stack = self._begin(gathered.total.shape)
         design = gathered.design
         path = self._folder / f"{design.family}-{design.pitch_px:04d}"
-        # Written and then mapped: into a new file, that is many times faster than through a map.
         with storage(path):
             self._folder.mkdir(exist_ok=True)
-            with path.open("xb") as file:
-                file.write(np.ascontiguousarray(gathered.harmonics).data)
-            parked = np.memmap(path, np.float32, "r", shape=gathered.harmonics.shape)
-        self._stack.join(PitchHarmonics.whole(design, parked, gathered.total, gathered.null))
+        self._stack.join(gathered, ParkedImages.park(path, gathered.harmonics))
 
     def decompose(
         self,

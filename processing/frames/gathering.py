@@ -26,7 +26,7 @@ class Parked(Protocol):
 class HarmonicsStack:
     """Takes in frames one at a time, in any order, and keeps a few images a pitch.
 
-    Held are 4 images of the frames' shape a pitch, which may be mapped from files (4.4 GB for 23
+    Held are 4 images of the frames' shape a pitch, which may lie in files (4.4 GB for 23
     pitches of 4 megapixels in three colours; see `out` and `join`); 2 more for each pitch of which
     some but not all frames came; and 3 for all together.
 
