@@ -48,7 +48,8 @@ FROM_EXTREMA = Caution(
     "taken for the largest and smallest value over many shifts, and ranges were found from them "
     "alone.",
     meaning="No places in the patterns are known: the noise of the extreme frames and shifts that "
-    "miss the middle of a check enter in full, and translucent objects are recognised less well.",
+    "miss the middle of a check enter in full, and translucent objects are recognised less well. "
+    "What the import says of two shifts does not hold for extrema.",
     remedy="Capture or import all frames of every pitch where they exist.",
 )
 
