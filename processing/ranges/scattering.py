@@ -36,7 +36,7 @@ _UNSHARP = 4.0
 _MOST_PX2 = 1000.0
 # Light of short range, relative to white, that is evidence where it comes from all sides alike;
 # what comes from one side may be this part of it.
-_LEAST_LOST, _MOST_LEAN = 0.08, 0.15
+_LEAST_LOST, _MOST_LEAN = 0.06, 0.15
 
 
 @dataclass(frozen=True, slots=True)
