@@ -22,7 +22,7 @@ from acquire.page.state import SETTING, SNAPSHOT, Setting, Snapshot
 from drivers.window_channel import Channel, Message
 
 LOOPBACK = "127.0.0.1"
-CLOSING_LIMIT_S = 2.0
+CLOSING_LIMIT_S = 5.0
 LOOK_S = 0.5
 TOKEN_BYTES = 32
 MAX_STARTS = 5

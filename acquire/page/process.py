@@ -26,7 +26,9 @@ from drivers.window_channel import Channel, Message
 NICENESS = 10  # a capture on the same computer goes first
 SETTING_LIMIT_S = 30.0
 LOOK_S = 1.0
-GOODBYE_S = 0.5
+# At most, until every browser has been told that the work has ended. The desk waits longer.
+GOODBYE_S = 2.0
+GLANCE_S = 0.02
 MAX_CONNECTIONS = 64
 
 
@@ -93,11 +95,15 @@ def _hear(
 
 def _say_goodbye(loop: asyncio.AbstractEventLoop, hub: Hub, server: uvicorn.Server) -> None:
     hub.end()
+    latest_s = loop.time() + GOODBYE_S
 
     def leave() -> None:
-        server.should_exit = True
+        if hub.viewers and loop.time() < latest_s:
+            loop.call_later(GLANCE_S, leave)
+        else:
+            server.should_exit = True
 
-    loop.call_later(GOODBYE_S, leave)
+    leave()
 
 
 if __name__ == "__main__":
