@@ -7,8 +7,16 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 PATIENCE_S = 120
+
+
+class Running(Protocol):
+    """A process that may have ended."""
+
+    def poll(self) -> int | None:
+        """Its exit status, None while it runs."""
 
 
 def start(*words: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
@@ -29,7 +37,7 @@ def lines(session: Path) -> int:
     return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
-def wait_for_lines(process: subprocess.Popen[str], session: Path, wanted: int) -> None:
+def wait_for_lines(process: Running, session: Path, wanted: int) -> None:
     """Until the session has so many frames, or the process has ended."""
     deadline_s = time.monotonic() + PATIENCE_S
     while lines(session) < wanted and process.poll() is None:
