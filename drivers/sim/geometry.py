@@ -185,18 +185,21 @@ def point_form_factors(
     """
     factors = np.zeros((len(points), len(polygons)))
     for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for j in range(len(polygons)):
             total = 0.0
+            bx, by, bz = polygons[j, 0, 0] - x, polygons[j, 0, 1] - y, polygons[j, 0, 2] - z
             for k in range(4):
-                a = polygons[j, (k + 1) % 4] - points[i]
-                b = polygons[j, k] - points[i]
-                cx = a[1] * b[2] - a[2] * b[1]
-                cy = a[2] * b[0] - a[0] * b[2]
-                cz = a[0] * b[1] - a[1] * b[0]
+                corner = polygons[j, (k + 1) % 4]
+                ax, ay, az = corner[0] - x, corner[1] - y, corner[2] - z
+                cx = ay * bz - az * by
+                cy = az * bx - ax * bz
+                cz = ax * by - ay * bx
                 sine = np.sqrt(cx * cx + cy * cy + cz * cz)
                 if sine > 1e-15:
-                    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+                    cosine = ax * bx + ay * by + az * bz
                     lean = normals[i, 0] * cx + normals[i, 1] * cy + normals[i, 2] * cz
                     total += np.arctan2(sine, cosine) * lean / sine
+                bx, by, bz = ax, ay, az
             factors[i, j] = max(total / (2 * np.pi), 0.0)
     return factors
