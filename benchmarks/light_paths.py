@@ -65,6 +65,8 @@ def trace(  # type: ignore[no-untyped-def]
 ):
     """Trace every pixel; see `benchmarks.rendering.render` and `render_parts`.
 
+    What it finds is added to the last four, which begin as zeros.
+
     Parameters
     ----------
     solids, camera, projector
@@ -88,9 +90,6 @@ def trace(  # type: ignore[no-untyped-def]
     height, width = int(camera[4, 1]), int(camera[4, 2])
     for pixel in prange(height * width):
         np.random.seed(seed * 1_000_003 + pixel)
-        sums = np.zeros((contrast.shape[1], 3, down.shape[1]), np.float32)
-        parts = np.zeros((3, 3))
-        own = np.zeros(6)
         row, column = pixel // width, pixel % width
         for k in range(side * side):
             scale = 2 * camera[4, 0] / width
@@ -104,12 +103,9 @@ def trace(  # type: ignore[no-untyped-def]
             )
             o = (camera[0, 0], camera[0, 1], camera[0, 2])
             _follow(
-                solids, projector, down, right, o, d, 1 / (side * side), sums, parts,
-                ranges[pixel], own,
+                solids, projector, down, right, o, d, 1 / (side * side), contrast[pixel],
+                truth[:, pixel], ranges[pixel], places[pixel],
             )  # fmt: skip
-        contrast[pixel] = sums
-        truth[:, pixel] = parts
-        places[pixel] = own
 
 
 @njit

@@ -104,7 +104,9 @@ def _step_towards(trial, amounts, passive):  # type: ignore[no-untyped-def]
             if reach < step:
                 step, blocking = reach, k
     if blocking < 0:
-        amounts[:] = trial
+        # A slice would have the compiler add words for two shapes that differ, for seconds.
+        for k in range(len(trial)):
+            amounts[k] = trial[k]
         return True
     for k in range(len(trial)):
         if passive[k]:
