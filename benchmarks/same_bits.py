@@ -30,6 +30,8 @@ OPENBLAS = {"OPENBLAS_CORETYPE": "Nehalem"}
 NUMPY = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
 GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"}
 OPENCV = {"OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FP16,AVX"}
+# As many as a larger computer would use; the program asks for one.
+THREADS = {"OPENBLAS_NUM_THREADS": "4"}
 ONE_THREAD = {"NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 SETTINGS: dict[str, dict[str, str]] = {
     "one thread": ONE_THREAD,
@@ -148,7 +150,7 @@ def main() -> int:
         room = Path(folder)
         make_sessions(room)
         for case in given.cases:
-            run(room, "process", *CASES[case], "--out", "native")
+            run(room, "process", *CASES[case], "--out", "native", settings=THREADS)
             for name in given.settings:
                 run(room, "process", *CASES[case], "--out", "other", settings=SETTINGS[name])
                 found = list(differences(room / "native", room / "other"))

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+import acquire  # noqa: F401 - before numpy, whose threads it limits
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--expect-bench", help="bench file of the devices that must be there")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import processing
-from benchmarks.same_bits import NUMBA, SETTINGS, differences, run
+from benchmarks.same_bits import NUMBA, SETTINGS, THREADS, differences, run
 from tests.acquire.captures import captured, small_bench, small_plan
 
 PLAN = small_plan("[pattern]\npitch_px = [4, 8, 12]\nshifts = [4, 2]\n")
@@ -29,7 +29,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bench = small_bench(full_well_e=20000.0, read_noise_e=5.0, blur_px=0.6)
     captured(room / "s", PLAN, bench)
     for method in ("ranges", "iva"):
-        run(room, "process", "s", "--method", method, "--out", method)
+        run(room, "process", "s", "--method", method, "--out", method, settings=THREADS)
     return room
 
 
