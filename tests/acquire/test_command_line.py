@@ -17,7 +17,7 @@ from acquire.plan_file import example_text
 from drivers.errors import DriverError
 from tests.acquire.captures import SMALL_PLAN
 
-BENCH = 'kind = "sim"\n[sim]\ncamera_px = [24, 32]\nprojector_px = [96, 128]\n'
+BENCH = 'kind = "sim"\n[sim]\nscene = "board"\ncamera_px = [24, 32]\nprojector_px = [96, 128]\n'
 
 
 @pytest.fixture

@@ -20,7 +20,13 @@ from tests.acquire.page.pages import PATIENCE_S, served
 from tests.acquire.page.programs import Program, children, needs_proc
 
 PLAN = "[pattern]\npitch_px = [8, 12]\nshifts = [4, 2]\n[projector]\nsettle_s = 0.05\n"
-BENCH = 'kind = "sim"\n[sim]\ncamera_px = [16, 20]\nprojector_px = [48, 64]\nreal_time = true\n'
+BENCH = """kind = "sim"
+[sim]
+scene = "board"
+camera_px = [16, 20]
+projector_px = [48, 64]
+real_time = true
+"""
 
 
 class Capture(Program):
