@@ -223,7 +223,8 @@ def _fit_places(  # type: ignore[no-untyped-def]
                 gain[k, 1, start:end], room, measured,
             )  # fmt: skip
             mix(room[-1], mixtures, k, rows)
-            rows[n_ranges, k] = measured[0]
+            for j in range(together):
+                rows[n_ranges, k, j] = measured[0, j]
             weigh(
                 measured, (np.pi / pitch_px[k]) ** 2, white[start:end], variance[start:end],
                 noise_gains[k], model[k], blur_deviations[start:end], k, weights, seen,
