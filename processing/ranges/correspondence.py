@@ -279,10 +279,6 @@ def _refine(  # type: ignore[no-untyped-def]
             seen[2, k], seen[3, k] = minus.real, minus.imag
         begin_y, begin_x = start[0, i], start[1, i]
         y, x = begin_y, begin_x
-        if i > 0:
-            # As far from where it is looked for as the pixel before was.
-            y += places[0, i - 1] - start[0, i - 1]
-            x += places[1, i - 1] - start[1, i - 1]
         for _ in range(steps):
             _look_up(down, first, pitch_px, y, tables[:3])
             _look_up(right, first, pitch_px, x, tables[3:])
