@@ -57,3 +57,19 @@ def test_a_region_divides_its_light_by_neighbourhoods() -> None:
     assert inner.std() < 0.05 / 4
     away = rivals.colour(np.zeros(SHAPE, bool), everywhere, lit, 0).components
     assert not away[1].any()
+
+
+def test_a_division_that_changes_smoothly_stays_the_pixels_own() -> None:
+    """From none below the surface at the left to all at the right, without scatter."""
+    n = SHAPE[0] * SHAPE[1]
+    share = np.broadcast_to(np.linspace(0, 1, SHAPE[1]) ** 2, SHAPE)
+    rest = np.full(n, 0.5)
+    none = np.zeros((n, 3))
+    fit = AccountFit(np.zeros((n, 2)), rest, share.ravel() * rest, none, none, np.zeros(n))
+    rivals = RivalFits((*SHAPE, 1))
+    everywhere = np.ones(SHAPE, bool)
+    lit = np.ones((*SHAPE, 1), np.float32)
+    rivals.add(slice(0, SHAPE[0]), everywhere, lit.reshape(n, 1), [(fit, fit)])
+    parts = rivals.colour(everywhere, everywhere, lit, 0).components
+    # The mean of five columns alone would be off by 0.02 where the region ends.
+    np.testing.assert_allclose(2 * parts[1][2:-2, 2:-2], share[2:-2, 2:-2], atol=0.005)
