@@ -3,21 +3,27 @@
     python -m benchmarks.proof_pace
 
 Samples an uncompressed and a losslessly compressed raw file, in turn with LibRaw's unpacking of the
-same file, and judges a pitch of 36 samples of that size. A frame's time is that of a plan without
-anything to spare: 0.1 s to settle, 0.1 s of exposure, 1 s to transfer the file.
+same file, judges a pitch of 36 samples of that size, and compares one with what its raster predicts
+by a geometry profile. A frame's time is that of a plan without anything to spare: 0.1 s to settle,
+0.1 s of exposure, 1 s to transfer the file.
 """
 
 from __future__ import annotations
 
 import resource
 import time
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquire.plan_file import parse_plan
+from acquire.proof.file_notes import file_notes
 from acquire.proof.kinds import Codes
-from acquire.proof.samples import GRID_SIDE, sample_frame
+from acquire.proof.placement import Placement
+from acquire.proof.samples import GRID_SIDE, WINDOW_SIDE, FrameSamples, sample_frame
 from acquire.proof.units import units_of
+from acquire.proof.white_black import WhiteBlack
 from acquire.session import Transfer
 from benchmarks.raw_decoding import compressed, photograph, unpack
 from drivers.protocols import CameraSettings
@@ -67,11 +73,34 @@ def pitch() -> Kind:
     )
 
 
+def comparison() -> Callable[[], object]:
+    """A frame of a checker against its raster, by places one to one with the camera's pixels."""
+    plan = parse_plan("[pattern]\npitch_px = [16]\n", "the benchmark's plan")
+    chance = np.random.default_rng(1)
+    side = GRID_SIDE, GRID_SIDE
+    row, column = np.indices(side).astype(np.float32)
+    step = plan.step(len(plan) - 1)
+
+    def samples(code: NDArray[np.float64]) -> FrameSamples:
+        light = (0.05 + 0.6 * code + chance.normal(0, 0.01, side)).astype(np.float32)
+        noise = chance.normal(0.3, 0.01, (WINDOW_SIDE, WINDOW_SIDE)).astype(np.float32)
+        notes = file_notes(b"")
+        return FrameSamples(light, light > 1, np.zeros((4, *side), np.float32), noise, 0.0, notes)
+
+    known = WhiteBlack.of(samples(np.ones(side)), samples(np.zeros(side)))
+    placement, frame = Placement(plan, column, row, side), samples(step.pattern.code(side))
+    return lambda: placement.sighting(step.pattern, frame, known, None)
+
+
 def main() -> None:
     plain = encode_dng(photograph(), CameraSettings(0.1, 8.0, 200))
     kind = pitch()
     judge(kind)
     judged = [seconds(lambda: judge(kind)) / len(kind.frames) for _ in range(ROUNDS)]
+    compare = comparison()
+    compare()
+    compared_s = float(np.median([seconds(compare) for _ in range(ROUNDS)]))
+    print(f"comparing with a geometry profile: {1e3 * compared_s:.1f} ms a frame")
     for name, data in (("uncompressed", plain), ("lossless JPEG", compressed(plain))):
         sample_frame(data, MEDIA_TYPE, Transfer.RAW)
         pairs = [

@@ -25,7 +25,8 @@ def misplaced(session: Session, proofs: Sequence[FrameProof]) -> Iterator[str]:
     if named and proofs and all(proof.match is None for proof in proofs):
         yield (
             "No frame was compared with the plan's geometry profile: it is missing from the "
-            "session, of a board or of pictures of another size."
+            "session, of a board or of pictures of another size, white and black were exposed "
+            "otherwise, or an older version judged the frames (`verify --images` judges anew)."
         )
     patterns = session.plan.patterns
     kinds: dict[tuple[Family, int], list[FrameProof]] = {}
