@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -104,11 +104,21 @@ class Nursery:
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
-    def start(self, *words: str, program: str = "lumisplit") -> Child:
-        """Start `lumisplit`, or another program, with these words."""
+    def start(
+        self,
+        *words: str,
+        program: str = "lumisplit",
+        environment: Mapping[str, str] | None = None,
+    ) -> Child:
+        """Start `lumisplit`, or another program, with these words, in this or our environment."""
         self._count += 1
         output = self._folder / f"output-{self._count}"
-        request = {"program": program, "words": words, "output": str(output)}
+        request = {
+            "program": program,
+            "words": words,
+            "output": str(output),
+            "environment": dict(os.environ if environment is None else environment),
+        }
         stdin = self._parent.stdin
         assert stdin is not None
         stdin.write(json.dumps(request) + "\n")
@@ -158,6 +168,8 @@ def _be_child(request: dict[str, Any]) -> None:
     output = os.open(request["output"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     for source, target in [(null, 0), (output, 1), (output, 2)]:
         os.dup2(source, target)
+    os.environ.clear()
+    os.environ.update(request["environment"])
     sys.argv = [request["program"], *request["words"]]
     if request["program"] != "lumisplit":
         os.execvp(sys.argv[0], sys.argv)  # noqa: S606 - the tests' own words

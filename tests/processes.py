@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -17,18 +14,6 @@ class Running(Protocol):
 
     def poll(self) -> int | None:
         """Its exit status, None while it runs."""
-
-
-def start(*words: str, environment: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
-    """Start `lumisplit` with these words; what it says on either stream is its output."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "acquire", *words],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
 
 
 def lines(session: Path) -> int:
@@ -43,9 +28,3 @@ def wait_for_lines(process: Running, session: Path, wanted: int) -> None:
     while lines(session) < wanted and process.poll() is None:
         assert time.monotonic() < deadline_s
         time.sleep(0.002)
-
-
-def finish(process: subprocess.Popen[str]) -> str:
-    """Wait for the end; everything it said."""
-    output, _ = process.communicate(timeout=PATIENCE_S)
-    return output

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,8 +20,8 @@ from drivers.sim.ptp_responder.body import d4s
 from drivers.sim.ptp_responder.misbehaviour import Misbehaviour
 from drivers.sim.ptp_responder.responder import Responder
 from drivers.sim.ptp_responder.server import PtpIpServer
-from tests import processes
-from tests.processes import finish, lines, wait_for_lines
+from tests.nursery import Child, Nursery
+from tests.processes import lines, wait_for_lines
 from tests.screens.desk import PROJECTOR, Desk
 
 PLAN = "[pattern]\npitch_px = [16, 24]\nshifts = [2, 2]\n[projector]\nsettle_s = 0.05\n"
@@ -45,14 +45,29 @@ def seen(desk: Desk, scene: SimulatedBench) -> Callable[[CameraSettings], tuple[
     return source
 
 
-def start(desk: Desk, folder: Path, port: int) -> subprocess.Popen[str]:
-    (folder / "plan.toml").write_text(PLAN)
-    (folder / "bench.toml").write_text(
-        f'kind = "lab"\n[projector]\nmonitor = "{PROJECTOR}"\n'
-        f'[camera]\naddress = "ptpip:127.0.0.1:{port}"\n'
-    )
-    words = ["capture", str(folder / "plan.toml"), "--bench", str(folder / "bench.toml")]
-    return processes.start(*words, "--out", str(folder / "s"), environment=desk.environment)
+@pytest.fixture(scope="module")
+def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
+    nursery = Nursery(tmp_path_factory.mktemp("nursery"))
+    yield nursery
+    nursery.close()
+
+
+@pytest.fixture
+def start(nursery: Nursery, desk: Desk, tmp_path: Path) -> Callable[[int], Child]:
+    """Starts the capture, with a camera at this port."""
+
+    def begin(port: int) -> Child:
+        (tmp_path / "plan.toml").write_text(PLAN)
+        (tmp_path / "bench.toml").write_text(
+            f'kind = "lab"\n[projector]\nmonitor = "{PROJECTOR}"\n'
+            f'[camera]\naddress = "ptpip:127.0.0.1:{port}"\n'
+        )
+        words = ("--bench", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "s"))
+        return nursery.start(
+            "capture", str(tmp_path / "plan.toml"), *words, environment=desk.environment
+        )
+
+    return begin
 
 
 @pytest.fixture
@@ -74,22 +89,30 @@ def assert_sound(folder: Path, scene: SimulatedBench) -> None:
 
 
 def test_every_frame_shows_its_pattern(
-    desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
+    start: Callable[[int], Child],
+    desk: Desk,
+    camera: PtpIpServer,
+    scene: SimulatedBench,
+    tmp_path: Path,
 ) -> None:
-    process = start(desk, tmp_path, camera.address[1])
-    output = finish(process)
+    process = start(camera.address[1])
+    output = process.finish()
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
     assert not desk.photograph().any()
 
 
 def test_an_unplugged_projector_stops_cleanly_and_is_gone_on_with(
-    desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
+    start: Callable[[int], Child],
+    desk: Desk,
+    camera: PtpIpServer,
+    scene: SimulatedBench,
+    tmp_path: Path,
 ) -> None:
-    process = start(desk, tmp_path, camera.address[1])
+    process = start(camera.address[1])
     wait_for_lines(process, tmp_path / "s", 3)
     desk.run("xrandr", "--output", PROJECTOR, "--off")
-    output = finish(process)
+    output = process.finish()
     assert process.returncode == 1
     assert PROJECTOR in output
     assert "Traceback" not in output
@@ -97,8 +120,8 @@ def test_an_unplugged_projector_stops_cleanly_and_is_gone_on_with(
     kept = lines(tmp_path / "s")
     assert 3 <= kept < 10
     desk.arrange()
-    process = start(desk, tmp_path, camera.address[1])
-    output = finish(process)
+    process = start(camera.address[1])
+    output = process.finish()
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
@@ -113,7 +136,7 @@ def test_an_unplugged_projector_stops_cleanly_and_is_gone_on_with(
     ],
 )
 def test_a_camera_that_fails_loses_no_frame(
-    desk: Desk,
+    start: Callable[[int], Child],
     seen: Callable[[CameraSettings], tuple[bytes, str]],
     scene: SimulatedBench,
     tmp_path: Path,
@@ -122,55 +145,59 @@ def test_a_camera_that_fails_loses_no_frame(
 ) -> None:
     with PtpIpServer(Responder(seen, misbehaviours=[Misbehaviour.parse(misbehaviour)])) as camera:
         port = camera.address[1]
-        process = start(desk, tmp_path, port)
-        output = finish(process)
+        process = start(port)
+        output = process.finish()
     assert "Traceback" not in output
     assert (process.returncode == 0) is survives, output
     if not survives:
         assert lines(tmp_path / "s") == 3
         with PtpIpServer(Responder(seen), port=port):
-            process = start(desk, tmp_path, port)
-            output = finish(process)
+            process = start(port)
+            output = process.finish()
         assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
 
 def test_a_camera_that_got_another_address_goes_on_but_no_other_camera(
-    desk: Desk,
+    start: Callable[[int], Child],
     seen: Callable[[CameraSettings], tuple[bytes, str]],
     scene: SimulatedBench,
     tmp_path: Path,
 ) -> None:
     with PtpIpServer(Responder(seen, misbehaviours=[Misbehaviour.parse("unplug+3")])) as camera:
         first = camera.address[1]
-        finish(start(desk, tmp_path, first))
+        start(first).finish()
     other = replace(d4s(), info=replace(d4s().info, serial="2"))
     with PtpIpServer(Responder(seen, other), port=first) as camera:
-        process = start(desk, tmp_path, camera.address[1])
-        output = finish(process)
+        process = start(camera.address[1])
+        output = process.finish()
         assert process.returncode == 1
         assert "was begun with the camera Nikon Corporation D4S 0000" in " ".join(output.split())
         assert "this is Nikon Corporation D4S 2;" in " ".join(output.split())
     assert lines(tmp_path / "s") == 3
     with PtpIpServer(Responder(seen)) as camera:
         assert camera.address[1] != first
-        process = start(desk, tmp_path, camera.address[1])
-        output = finish(process)
+        process = start(camera.address[1])
+        output = process.finish()
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
 
 
 def test_a_killed_capture_leaves_no_light_and_is_gone_on_with(
-    desk: Desk, camera: PtpIpServer, scene: SimulatedBench, tmp_path: Path
+    start: Callable[[int], Child],
+    desk: Desk,
+    camera: PtpIpServer,
+    scene: SimulatedBench,
+    tmp_path: Path,
 ) -> None:
-    process = start(desk, tmp_path, camera.address[1])
+    process = start(camera.address[1])
     wait_for_lines(process, tmp_path / "s", 4)
-    process.kill()
-    finish(process)
+    process.send_signal(signal.SIGKILL)
+    process.finish()
     deadline_s = time.monotonic() + 2
     while desk.photograph().any():
         assert time.monotonic() < deadline_s
-    process = start(desk, tmp_path, camera.address[1])
-    output = finish(process)
+    process = start(camera.address[1])
+    output = process.finish()
     assert process.returncode == 0, output
     assert_sound(tmp_path, scene)
