@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.numerics.linear_algebra import least_squares
+from processing.numerics.threads import in_threads
 
 Image = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -34,9 +35,12 @@ def noise_lines(variance: Image | None, white: Image, mask: NDArray[np.bool_]) -
     colours = white.shape[2]
     if variance is None:
         return np.full((colours, 2), np.nan)
-    return np.array(
-        [_line(white[mask][:, c], variance[mask][:, c]) for c in range(colours)], np.float64
-    )
+    measured = variance
+
+    def line(colour: int) -> tuple[float, float]:
+        return _line(white[..., colour][mask], measured[..., colour][mask])
+
+    return np.array(in_threads(line, range(colours)), np.float64)
 
 
 def _line(light: Image, variance: Image) -> tuple[float, float]:

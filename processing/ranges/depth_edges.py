@@ -27,7 +27,7 @@ from processing.ranges.account_fit import add_row, held_weight
 from processing.ranges.correspondence import decode_residual, refined
 from processing.ranges.kernels import compiled
 from processing.ranges.response import ResponseTables
-from processing.ranges.slopes import look_up, model_errors
+from processing.ranges.slopes import between, bin_of, model_errors
 from processing.ranges.spectrum import solve_passive, solve_spectrum
 
 Array = NDArray[np.float64]
@@ -228,9 +228,11 @@ def _fill_atoms(atoms, places, down, right, first, pitch_px, gain):  # type: ign
     n_places, n_ranges = len(places), down.shape[1]
     for k in range(len(pitch_px)):
         for p in range(n_places):
+            bin_y, part_y = bin_of(places[p, 0], 2 * pitch_px[k])
+            bin_x, part_x = bin_of(places[p, 1], 2 * pitch_px[k])
             for r in range(n_ranges):
-                y = look_up(down, first[k], 2 * pitch_px[k], places[p, 0], r)
-                x = look_up(right, first[k], 2 * pitch_px[k], places[p, 1], r)
+                y = between(down, first[k] + bin_y, part_y, r)
+                x = between(right, first[k] + bin_x, part_x, r)
                 plus, minus = 0.5 * y * x * gain[k, 0], 0.5 * y * np.conj(x) * gain[k, 1]
                 a = p * n_ranges + r
                 atoms[4 * k, a], atoms[4 * k + 1, a] = plus.real, plus.imag

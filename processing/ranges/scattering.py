@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.numerics.threads import in_threads
 from processing.ranges.account_fit import AccountFit
 from processing.ranges.blur import Blur, shorth
 from processing.ranges.near_light import NearLight
@@ -166,11 +167,14 @@ class RivalFits:
             Of each colour.
         """
         light = ChosenLight(*(np.zeros((3, *white.shape), np.float32) for _ in range(3)))
-        for colour in range(white.shape[2]):
+
+        def choose(colour: int) -> None:
             one = self.colour(found, mask, white, colour)
             light.components[..., colour] = one.components
             light.noise_errors[..., colour] = one.noise_errors
             light.model_errors[..., colour] = model_errors(one.signs, defocus_px2(blur[colour]))
+
+        in_threads(choose, range(white.shape[2]))
         return light
 
     def colour(

@@ -134,13 +134,6 @@ def between(table, index, part, spread):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def look_up(table, first, period, place, spread):  # type: ignore[no-untyped-def]
-    """T of a spread at a place; `first` is the bin where the pitch begins."""
-    index, part = bin_of(place, period)
-    return between(table, first + index, part, spread)
-
-
-@compiled
 def _relate(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, chosen, found
 ):  # fmt: skip
