@@ -59,3 +59,20 @@ def test_two_places_in_a_pixel_do_not_cohere() -> None:
     harmonics = stack.harmonics(stack.white(), slice(None)).reshape(len(stack.designs), 2, -1, 1)
     found = decode(harmonics, stack.designs, tables, PROJECTOR_PX)
     assert np.median(found.coherence) < 0.85
+
+
+def test_pixels_that_see_nothing_mislead_none_beside_them() -> None:
+    places = slanted(SHAPE)
+    scene = Scene(places, {0.0: 0.4 * np.ones((*SHAPE, 3)), np.inf: 0.4 * np.ones((*SHAPE, 3))})
+    stack = HarmonicsStack(checkers(), (*SHAPE, 3), PROJECTOR_PX)
+    rng = np.random.default_rng(4)
+    lost = rng.random(SHAPE) < 0.5
+    for pattern in checkers():
+        frame = scene.frame(pattern).astype(np.float32)
+        frame[lost] = rng.random((np.count_nonzero(lost), 3), np.float32)
+        stack.add(frame, pattern)
+    tables = [ResponseTables.of(stack.designs, [0.0], scene.blur_px**2)] * 3
+    harmonics = stack.harmonics(stack.white(), slice(None)).reshape(len(stack.designs), 2, -1, 3)
+    found = decode(harmonics, stack.designs, tables, PROJECTOR_PX).place_px[:, ~lost.ravel()]
+    expected = places[:, ~lost][..., np.newaxis] + 0.5
+    assert np.max(np.abs(found - expected)) < 0.6
