@@ -16,7 +16,7 @@ from acquire.session import FrameRecord
 from processing.patterns import Family
 from processing.proof.finding import Finding
 from processing.proof.places import Sighting
-from processing.proof.references import Reference, at_once, both_show, later_reference
+from processing.proof.references import Reference, at_once, both_show, is_darker, later_reference
 from processing.proof.registration import movement
 from processing.proof.showing import COMPUTED_NOISE
 
@@ -170,7 +170,18 @@ class Examination:
                 plain_proof(self._exposures[step], findings.get(step, Finding.UNSEEN))
                 for step in unit.steps
             )
+        first = firsts[1]
+        if first is not None and any(self._is_darker(step, both) for step in unit.steps):
+            unseen = (plain_proof(self._exposures[s], Finding.UNSEEN) for s in unit.steps)
+            others = (proof for proof in unseen if proof.step != first)
+            return (*others, plain_proof(self._exposures[first], Finding.OTHER))
         return tuple(self._reference(step, both) for step in unit.steps)
+
+    def _is_darker(self, step: int, both: WhiteBlack) -> bool:
+        """Whether a step should show black, and is darker than the first black."""
+        lit, frame = both.lit(LOOKED_AT), self._exposures[step].samples.grid
+        is_black = self.plan.patterns[step].family is Family.BLACK
+        return is_black and is_darker(frame[lit], both.white.grid[lit], both.black.grid[lit])
 
     def _first(self, unit: Unit, family: Family) -> int | None:
         known = self._white if family is Family.WHITE else self._black

@@ -97,6 +97,19 @@ def later_reference(
     return (Finding.OWN if even and alike else Finding.OTHER), level
 
 
+def is_darker(frame: Samples, white: Samples, black: Samples) -> bool:
+    """Whether a later black is so much darker than the first that this cannot have been black.
+
+    Parameters
+    ----------
+    frame, white, black
+        float32, (n,): the later black and the first of each kind. No mishap takes light from black.
+    """
+    span = float(white.mean(dtype=np.float64) - black.mean(dtype=np.float64))
+    level = float(frame.mean(dtype=np.float64) - black.mean(dtype=np.float64))
+    return level < -BLACK_AT_MOST * span
+
+
 def at_once(frame: Samples, white: Samples, black: Samples) -> Finding | None:
     """What a pattern frame certainly shows instead, by its light alone; None where it may be right.
 

@@ -25,7 +25,7 @@ class Faults:
     """
 
     dark: Callable[[int], bool] = lambda _: False
-    rolled: Callable[[int, Raster], int] = lambda _number, _raster: 0
+    shown: Callable[[int, Raster], Raster] = lambda _number, raster: raster
     frozen: Callable[[int], bool] = lambda _: False
     unplugged: Callable[[int], bool] = lambda _: False
     failing: Callable[[int], BaseException | None] = lambda _: None
@@ -73,8 +73,8 @@ class FaultyBench:
 
     def show(self, raster: Raster) -> None:
         dark = self.faults.dark(self.number)
-        right = self.faults.rolled(self.number, raster)
-        self.projector_.show(np.zeros_like(raster) if dark else np.roll(raster, right, 1))
+        shown = self.faults.shown(self.number, raster)
+        self.projector_.show(np.zeros_like(raster) if dark else shown)
 
     def check(self) -> None:
         if self.faults.unplugged(self.number - 1):

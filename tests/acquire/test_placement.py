@@ -23,6 +23,7 @@ from acquire.recording import record
 from acquire.rig import Bench
 from acquire.rig.simulated import simulated_bench
 from acquire.session import Session
+from drivers.protocols import Raster
 from drivers.sim.devices import SimulationConfig, build
 from processing.proof.finding import Finding
 from tests.acquire.captures import SMALL_SIM, Notes, captured, recorded_bytes, small_plan
@@ -65,6 +66,10 @@ def profile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     maps = {"column": places[..., 1].astype(np.float32), "row": places[..., 0].astype(np.float32)}
     write_profile(path, about, maps)
     return path
+
+
+def rolled(raster: Raster, right: int) -> Raster:
+    return np.roll(raster, right, 1)
 
 
 def told(session: Session) -> str:
@@ -140,7 +145,7 @@ def test_frames_that_agree_with_each_other_elsewhere_are_taken_again(
     tmp_path: Path, profile: Path
 ) -> None:
     good = taken(tmp_path / "good", bench(), profile)
-    faults = Faults(rolled=lambda number, _: 8 if number in {10, 11, 12} else 0)
+    faults = Faults(shown=lambda number, raster: rolled(raster, 8 * (number in {10, 11, 12})))
     session = taken(tmp_path / "s", with_faults(bench(), faults), profile)
     again = [line.step for line in session.lines if line.attempt]
     assert sorted(again) == [10, 11, 12]
@@ -154,7 +159,7 @@ def test_a_session_kept_all_the_same_says_which_pitch_stands_where(
     tmp_path: Path, profile: Path
 ) -> None:
     those = {PLAN.projector.raster(one, SIM.projector_px).tobytes() for one in MIDDLE}
-    faults = Faults(rolled=lambda _, raster: 5 if raster.tobytes() in those else 0)
+    faults = Faults(shown=lambda _, raster: rolled(raster, 5 * (raster.tobytes() in those)))
     session = taken(tmp_path / "s", with_faults(bench(), faults), profile, keep_unproven=True)
     assert "The frames of checker of 12 px stand 5 px to the right" in told(session)
     assert "16 px" not in told(session).partition("stand")[0]
@@ -171,7 +176,7 @@ def test_without_a_profile_the_other_pitches_tell_of_one_that_stands_elsewhere(
         for pattern in plan.patterns
         if pattern.pitch_px == 12
     }
-    faults = Faults(rolled=lambda _, raster: 7 if raster.tobytes() in those else 0)
+    faults = Faults(shown=lambda _, raster: rolled(raster, 7 * (raster.tobytes() in those)))
     notes, good_notes = Notes(), Notes()
     session, _ = captured(tmp_path / "s", plan, with_faults(bench(), faults), notes)
     good, _ = captured(tmp_path / "good", plan, bench(), good_notes)

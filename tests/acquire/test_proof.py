@@ -118,6 +118,17 @@ def test_a_projector_that_stays_dark_stops_the_capture(tmp_path: Path) -> None:
     assert session.record.runs[-1].outcome == "failed"
 
 
+def test_a_first_black_that_showed_a_pattern_is_the_one_that_is_taken_again(
+    tmp_path: Path,
+) -> None:
+    plan = small_plan("[pattern]\npitch_px = [8]\n[references]\nevery_frames = 8\n")
+    pattern = plan.projector.raster(plan.patterns[2], (48, 64))
+    faults = Faults(shown=lambda number, raster: pattern if number == 1 else raster)
+    session, outcome = captured(tmp_path / "s", plan, with_faults(small_bench(**NOISE), faults))
+    assert outcome is Outcome.COMPLETE
+    assert [line.step for line in session.lines if line.attempt] == [1]
+
+
 def test_what_is_kept_unproven_is_noted(tmp_path: Path) -> None:
     plan = small_plan("[pattern]\npitch_px = [8]\n")
     bench = small_bench(dropped=0.8, seed=1)
