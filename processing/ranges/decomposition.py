@@ -181,8 +181,9 @@ def fit_ranges(
     optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
     told = told_of_blur(pitch_px, float(np.mean([one.side_px2 for one in blur])))
     near = Signs(mask.shape, told)
-    fits, coherence, places = _fit_blocks(stack, white, mask, optics, near, progress)
-    settled, suspects = _settle_edges(stack, white, places, mask, optics, fits, progress)
+    fits, coherence, seen = _fit_blocks(stack, white, mask, optics, near, progress)
+    places: Image = seen.mean(axis=-1)
+    settled, suspects = _settle_edges(stack, white, seen, places, mask, optics, fits, progress)
     scale_px = projector_px_per_px(places, mask)
     least_px = _CREASE_PITCHES * pitch_px.min() / scale_px
     found = translucent_map(fits.gain, mask, least_px, ~suspects, near)
@@ -300,9 +301,9 @@ def _fit_blocks(
     near: Signs,
     progress: Progress,
 ) -> tuple[RivalFits, Image, Image]:
-    """Fits of all usable pixels, the coherence and the (y, x) of their places."""
+    """Fits of all usable pixels, the coherence and the (y, x) of their places in each colour."""
     fits, coherence = RivalFits(white.shape), np.zeros(mask.shape, np.float32)
-    places_px = np.full((2, *mask.shape), np.nan, np.float32)
+    places_px = np.full((2, *white.shape), np.nan, np.float32)
 
     def fit(band: list[slice]) -> None:
         seen = _Band(stack, white, mask, slice(band[0].start, band[-1].stop), optics)
@@ -310,7 +311,7 @@ def _fit_blocks(
             chosen, located = mask[lines], seen.located(lines)
             fits.add(lines, chosen, located.light, _fitted(located, optics))
             coherence[lines][chosen] = located.places.coherence
-            places_px[:, lines][:, chosen] = located.places.place_px.mean(axis=-1)
+            places_px[:, lines][:, chosen] = located.places.place_px
             near.add(lines, chosen, _near_light(located, optics))
 
     every = [lines for lines in blocks(mask.shape) if mask[lines].any()]
@@ -336,13 +337,17 @@ def _near_light(located: _Located, optics: _Optics) -> NearLight:
 def _settle_edges(
     stack: HarmonicsStack,
     white: Image,
+    seen_px: Image,
     places_px: Image,
     mask: NDArray[np.bool_],
     optics: _Optics,
     fits: RivalFits,
     progress: Progress,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Give pixels that see two places the direct light of both; where that was done, and tried."""
+    """Give pixels that see two places the direct light of both; where that was done, and tried.
+
+    `seen_px` has the place of each colour, `places_px` of all together.
+    """
     scale_px = projector_px_per_px(places_px, mask)
     suspects = near_jumps(places_px, mask, scale_px)
     setting = Setting(stack.designs, stack.projector_px, optics.tables, optics.noise_gains)
@@ -352,7 +357,7 @@ def _settle_edges(
         chosen = suspects[lines]
         harmonics = pixels_of(stack.harmonics(white, lines), chosen)
         light = white[lines][chosen].astype(np.float64)
-        places = decode(harmonics, stack.designs, optics.tables, stack.projector_px).place_px
+        places = seen_px[:, lines][:, chosen].astype(np.float64)
         gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])
         pixels = np.stack(np.nonzero(chosen))
         pixels[0] += lines.start
