@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 
 import processing
-from acquire.methods import _cautions
+from acquire.methods.components import cautions_of
 from processing.remarks import Remark
 
 
@@ -19,6 +19,6 @@ def test_every_remark_is_made_of_whole_sentences() -> None:
     ]
     assert len(remarks) >= 4
     # A caution that lacks an end or a part cannot be made.
-    assert len(_cautions(tuple(remarks))) == len(remarks)
+    assert len(cautions_of(tuple(remarks))) == len(remarks)
     for remark in remarks:
         assert all(part[0].isupper() for part in (remark.what, remark.meaning, remark.remedy))
