@@ -28,8 +28,9 @@ from processing.frames.noise_lines import noise_lines
 from processing.numerics.linear_algebra import product
 from processing.numerics.threads import in_threads
 from processing.ranges.accounts import opaque, spread_grid, translucent
+from processing.ranges.bands import Band, Located, SceneOptics
 from processing.ranges.blur import Blur
-from processing.ranges.correspondence import Correspondence, decode
+from processing.ranges.correspondence import decode
 from processing.ranges.depth_edges import Seen, Setting, fit_two_places
 from processing.ranges.footprints import footprints
 from processing.ranges.jumps import near_jumps, places_beside, seen_beside, up_to_jumps
@@ -42,7 +43,6 @@ from processing.ranges.optics import (
     tables_for,
 )
 from processing.ranges.pixels import PlaceFit
-from processing.ranges.response import ResponseTables
 from processing.ranges.result import (
     Capture,
     Fits,
@@ -60,8 +60,6 @@ Array = NDArray[np.float64]
 _LEAST_COHERENCE = 0.8
 # Creases look translucent within some finest pitches' width, measured on the projector.
 _CREASE_PITCHES = 3.0
-# Lines beside a block whose places its footprints need.
-_HALO = 3
 # Blocks that follow one another, each decoding what the last one has not.
 _BAND = 4
 # Part of the time that fitting takes; the rest goes to depth edges.
@@ -72,41 +70,6 @@ Progress = Callable[[float], object]
 
 def _unheard(_done: float) -> None:
     """Progress that nobody asked for."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Optics:
-    """What holds for the whole picture, for each colour."""
-
-    blur: tuple[Blur, ...]
-    tables: tuple[ResponseTables, ...]
-    noise: Array
-    noise_gains: Array
-    white_gain: float
-    fits: tuple[PlaceFit, ...]
-
-    def variance(self, light: Array) -> Array:
-        """Of a frame's noise at (n, colours) of white light; 0 where it is unknown."""
-        constant, rise = np.nan_to_num(self.noise).T
-        variance: Array = constant + rise * np.maximum(light, 0)
-        return variance
-
-    def white_variance(self, light: Array) -> Array:
-        """Of white at (n, colours) of it: its own frames', and that of one black frame."""
-        constant, _ = np.nan_to_num(self.noise).T
-        variance: Array = self.white_gain * self.variance(light) + 4 * constant
-        return variance
-
-    def gains(self, shapes: Array) -> Array:
-        """(n, pitches, 2, colours) for (3, n) footprints."""
-        pairs = zip(self.blur, self.tables, strict=True)
-        each = [one.gains(table.pitch_px, table.varies, shapes) for one, table in pairs]
-        # As they lie in memory: pixel beside pixel.
-        return np.moveaxis(np.stack([np.moveaxis(one, 0, -1) for one in each]), (3, 0), (0, 3))
-
-    def blur_deviations(self, shapes: Array) -> tuple[Array, ...]:
-        """(n, 2) of each colour for (3, n) footprints."""
-        return tuple(one.deviations(shapes) for one in self.blur)
 
 
 def decompose_ranges(
@@ -178,7 +141,7 @@ def fit_ranges(
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     place_fits = tuple(PlaceFit.of(one, accounts, gains) for one in tables)
-    optics = _Optics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
+    optics = SceneOptics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
     told = told_of_blur(pitch_px, float(np.mean([one.side_px2 for one in blur])))
     near = Signs(mask.shape, told)
     fits, coherence, seen = _fit_blocks(stack, white, mask, optics, near, progress)
@@ -207,12 +170,12 @@ def fit_ranges(
     )
 
 
-def _sampled(stack: HarmonicsStack, sample: Sample, optics: _Optics) -> _Located:
+def _sampled(stack: HarmonicsStack, sample: Sample, optics: SceneOptics) -> Located:
     """The pixels of the sample."""
     places = decode(sample.harmonics, stack.designs, optics.tables, stack.projector_px)
     shapes = sample.footprints(places.place_px.mean(axis=-1))
     light = sample.white.astype(np.float64)
-    return _Located(
+    return Located(
         sample.harmonics, light, places, optics.gains(shapes), optics.blur_deviations(shapes)
     )
 
@@ -226,78 +189,11 @@ def _check(mask: NDArray[np.bool_], white: Image, blur: Sequence[Blur] | None) -
         raise ValueError(f"a blur is needed for each colour: {len(blur)} for frames {white.shape}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Located:
-    """n pixels of some lines and what they see; gains are (n, pitches, 2, colours)."""
-
-    harmonics: NDArray[np.complex64]
-    light: Array
-    places: Correspondence
-    gains: Array
-    blur_deviations: tuple[Array, ...]
-
-
-class _Band:
-    """Some lines and those beside them, which are decoded once, from the first to the last."""
-
-    def __init__(
-        self,
-        stack: HarmonicsStack,
-        white: Image,
-        mask: NDArray[np.bool_],
-        lines: slice,
-        optics: _Optics,
-    ) -> None:
-        self._stack, self._white, self._optics = stack, white, optics
-        self._first = self._decoded = max(lines.start - _HALO, 0)
-        self._end = min(lines.stop + _HALO, len(mask))
-        self._mask = mask[self._first : self._end]
-        self._places = np.zeros((2, *self._mask.shape, white.shape[2]))
-        self._coherence = np.zeros(self._mask.shape)
-
-    def located(self, lines: slice) -> _Located:
-        """The usable pixels of some lines, which follow on those asked for before."""
-        optics, end = self._optics, min(lines.stop + _HALO, self._end)
-        # Lines without usable pixels may have been passed over.
-        self._decoded = max(self._decoded, lines.start - _HALO)
-        first = min(self._decoded, lines.start)
-        harmonics = self._stack.harmonics(self._white, slice(first, end))
-        self._decode(harmonics[:, :, self._decoded - first :], end)
-        inside = slice(max(lines.start - _HALO, self._first), end)
-        around = self._within(inside)
-        wide = self._mask[around]
-        shapes = footprints(self._places[:, around].mean(axis=-1), wide)
-        chosen, mine = self._mask[self._within(lines)], self._within(lines)
-        shapes = shapes[:, lines.start - inside.start :][:, : len(chosen)][:, chosen]
-        seen = harmonics[:, :, lines.start - first : lines.stop - first]
-        return _Located(
-            pixels_of(seen, chosen),
-            self._white[lines][chosen].astype(np.float64),
-            Correspondence(self._places[:, mine][:, chosen], self._coherence[mine][chosen]),
-            optics.gains(shapes),
-            optics.blur_deviations(shapes),
-        )
-
-    def _within(self, lines: slice) -> slice:
-        return slice(lines.start - self._first, lines.stop - self._first)
-
-    def _decode(self, harmonics: NDArray[np.complex64], end: int) -> None:
-        """Lines from where it was left to `end`."""
-        lines = self._within(slice(self._decoded, end))
-        usable = self._mask[lines]
-        self._decoded = end
-        if usable.any():
-            seen, stack = pixels_of(harmonics, usable), self._stack
-            found = decode(seen, stack.designs, self._optics.tables, stack.projector_px)
-            self._places[:, lines][:, usable] = found.place_px
-            self._coherence[lines][usable] = found.coherence
-
-
 def _fit_blocks(
     stack: HarmonicsStack,
     white: Image,
     mask: NDArray[np.bool_],
-    optics: _Optics,
+    optics: SceneOptics,
     near: Signs,
     progress: Progress,
 ) -> tuple[RivalFits, Image, Image]:
@@ -306,7 +202,7 @@ def _fit_blocks(
     places_px = np.full((2, *white.shape), np.nan, np.float32)
 
     def fit(band: list[slice]) -> None:
-        seen = _Band(stack, white, mask, slice(band[0].start, band[-1].stop), optics)
+        seen = Band(stack, white, mask, slice(band[0].start, band[-1].stop), optics)
         for lines in band:
             chosen, located = mask[lines], seen.located(lines)
             fits.add(lines, chosen, located.light, _fitted(located, optics))
@@ -329,7 +225,7 @@ def _in_threads(work: Callable[[slice], None], chosen: NDArray[np.bool_], told: 
     in_threads(work, wanted, told)
 
 
-def _near_light(located: _Located, optics: _Optics) -> NearLight:
+def _near_light(located: Located, optics: SceneOptics) -> NearLight:
     places = located.places.place_px
     return NearLight.of(located.harmonics, places, optics.tables, located.gains, located.light)
 
@@ -340,7 +236,7 @@ def _settle_edges(
     seen_px: Image,
     places_px: Image,
     mask: NDArray[np.bool_],
-    optics: _Optics,
+    optics: SceneOptics,
     fits: RivalFits,
     progress: Progress,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -379,7 +275,7 @@ def _settle_edges(
     return settled, suspects
 
 
-def _fitted(located: _Located, optics: _Optics) -> Fits:
+def _fitted(located: Located, optics: SceneOptics) -> Fits:
     """Both accounts of each colour."""
     fits = []
     variance = np.stack(
