@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from processing.frames.harmonics import PitchDesign
 from processing.numerics.elementary import cos, sin, turn_each
 from processing.ranges.kernels import compiled
-from processing.ranges.response import BINS_PER_PX, ResponseTables, carrier
+from processing.ranges.response import ResponseTables, bin_of, carrier
 
 _NEWTON_STEPS = 4
 _JOINT_STEPS = 4
@@ -309,10 +309,7 @@ def _refine(  # type: ignore[no-untyped-def]
 def _look_up(table, first, pitch_px, place, found):  # type: ignore[no-untyped-def]
     """Real and imaginary part of T and its slope at a place, (3, pitches), linear between bins."""
     for k in range(pitch_px.size):
-        period = 2 * pitch_px[k]
-        at = (place - np.floor(place / period) * period) * BINS_PER_PX
-        index = min(max(int(at), 0), int(period) * BINS_PER_PX - 1)
-        share = at - index
+        index, share = bin_of(place, 2 * pitch_px[k])
         low, high, rest = table[first[k] + index], table[first[k] + index + 1], 1 - share
         found[0, k] = low[0] * rest + high[0] * share
         found[1, k] = low[1] * rest + high[1] * share

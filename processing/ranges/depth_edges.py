@@ -26,8 +26,8 @@ from processing.frames.harmonics import PitchDesign
 from processing.ranges.account_fit import add_row, held_weight
 from processing.ranges.correspondence import decode_residual, refined
 from processing.ranges.kernels import compiled
-from processing.ranges.response import ResponseTables
-from processing.ranges.slopes import between, bin_of, model_errors
+from processing.ranges.response import ResponseTables, bin_of
+from processing.ranges.slopes import between, model_errors
 from processing.ranges.spectrum import solve_passive, solve_spectrum
 
 Array = NDArray[np.float64]

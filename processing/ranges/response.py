@@ -27,6 +27,7 @@ from processing.frames.harmonics import PitchDesign
 from processing.numerics.elementary import arctan2, cos, exp, sin, sinc, turned
 from processing.numerics.linear_algebra import product
 from processing.patterns import Family
+from processing.ranges.kernels import compiled
 
 BINS_PER_PX = 4
 _MOST_HARMONICS = 300
@@ -203,3 +204,12 @@ def _wave(
     orders = np.arange(1, min(8 * design.pitch_px, _MOST_HARMONICS), 2).astype(np.float64)
     waves = sin(np.pi * np.outer(places, orders) / design.pitch_px)
     return product(waves, _amplitudes(design, footprint, orders))
+
+
+@compiled
+def bin_of(place, period):  # type: ignore[no-untyped-def]
+    """Bin of a place within the period, and the part of the way to the next."""
+    at = (place - np.floor(place / period) * period) * BINS_PER_PX
+    # A place just below 0 is rounded to the end of the period; one that is not known has none.
+    index = min(max(int(at), 0), int(period * BINS_PER_PX) - 1)
+    return index, at - index

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.ranges.kernels import compiled
-from processing.ranges.response import BINS_PER_PX
+from processing.ranges.response import bin_of
 
 Single = NDArray[np.float32]
 
@@ -50,12 +50,9 @@ def row_room(n_spreads, together):  # type: ignore[no-untyped-def]
 @compiled
 def _look_up(table, first, period, places, bins, shares, values, turned):  # type: ignore[no-untyped-def]
     """T of all spreads at some places, (2 · spreads, pixels), linear between bins."""
-    last = int(period * BINS_PER_PX) - 1
     for j in range(places.size):
-        at = (places[j] - np.floor(places[j] / period) * period) * BINS_PER_PX
-        # A place just below 0 is rounded to the end of the period.
-        index = min(max(int(at), 0), last)
-        bins[j], shares[j] = first + index, np.float32(at - index)
+        index, share = bin_of(places[j], period)
+        bins[j], shares[j] = first + index, np.float32(share)
     for j in range(places.size):
         low, high, value = table[bins[j]], table[bins[j] + 1], values[j]
         share = shares[j]

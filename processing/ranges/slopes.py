@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from processing.frames.harmonics import PitchDesign
 from processing.numerics.elementary import hypot
 from processing.ranges.kernels import compiled
-from processing.ranges.response import BINS_PER_PX, ResponseTables
+from processing.ranges.response import ResponseTables, bin_of
 
 Array = NDArray[np.float64]
 
@@ -116,15 +116,6 @@ def relative(
         found,
     )  # fmt: skip
     return found
-
-
-@compiled
-def bin_of(place, period):  # type: ignore[no-untyped-def]
-    """Bin of a place within the period, and the part of the way to the next."""
-    at = (place - np.floor(place / period) * period) * BINS_PER_PX
-    # A place just below 0 is rounded to the end of the period.
-    index = min(int(at), int(period * BINS_PER_PX) - 1)
-    return index, at - index
 
 
 @compiled
