@@ -11,7 +11,7 @@ from acquire.plan import Plan
 from acquire.proof.exposures import Exposures
 from acquire.proof.records import FrameProof, displaced
 from acquire.proof.units import Unit
-from acquire.proof.white_black import LOOKED_AT, WhiteBlack
+from acquire.proof.white_black import WhiteBlack, spread_evenly
 from processing.proof.agreement import Disagreement, PitchPhases, disagreements, pitch_phases
 from processing.proof.finding import Finding
 
@@ -56,8 +56,7 @@ class Agreement:
         if known is None or any(one.finding not in _STEADY for one in own):
             return
         if self._chosen is None:
-            lit = np.flatnonzero(known.lit(LOOKED_AT) & ~known.white.saturated)
-            self._chosen = lit[:: max(-(-len(lit) // MOST_PLACES), 1)]
+            self._chosen = spread_evenly(known.usable, MOST_PLACES)
         chosen = self._chosen
         black = known.black.grid.ravel()[chosen].astype(np.float64)
         span = known.white.grid.ravel()[chosen] - black

@@ -85,27 +85,24 @@ class Examination:
     def seen_at_once(self, number: int) -> FrameProof | None:
         """The exposure of a line that is certainly wrong by itself; None where it may be right."""
         line = self._exposures.line(number)
-        finding = Finding.EXPOSED if line.contradictions else self._shows_at_once(line)
+        known = self._known_references(line.record.step)
+        finding = Finding.EXPOSED if line.contradictions else self._shows_at_once(line, known)
         if finding is not None:
             return plain_proof(line, finding)
-        known = self._known_references(line.record.step)
         sighting = self._sighting(line, known) if self._exposures.counts(line) else None
         if sighting is None or not sighting.is_wrong:
             return None
         return placed_proof(plain_proof(line, sighting.finding), sighting)
 
-    def _shows_at_once(self, line: Exposure) -> Finding | None:
+    def _shows_at_once(self, line: Exposure, known: WhiteBlack | None) -> Finding | None:
         """By its file, its light, or where its pattern stands; None where it may be right."""
         step, samples = line.record.step, line.samples
         if self._exposures.counts(line) and self._exposures.is_repeated(step):
             return Finding.PREVIOUS if window_noise(samples) > COMPUTED_NOISE else None
         pattern = self.plan.patterns[step]
-        if pattern.family not in FAMILIES or not self._codes.is_fine(step):
+        if known is None or pattern.family not in FAMILIES or not self._codes.is_fine(step):
             return None
-        known = self._known_references(step)
-        if known is None:
-            return None
-        lit = known.lit(LOOKED_AT) & ~known.white.saturated
+        lit = known.usable
         if lit.sum() < FEWEST_PLACES:
             return None
         return at_once(samples.grid[lit], known.white.grid[lit], known.black.grid[lit])

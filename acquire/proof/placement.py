@@ -12,7 +12,7 @@ from acquire.plan import Plan
 from acquire.profile_file import read_maps, read_profile
 from acquire.proof.samples import FrameSamples, every_other
 from acquire.proof.units import FAMILIES
-from acquire.proof.white_black import LOOKED_AT, WhiteBlack
+from acquire.proof.white_black import WhiteBlack, spread_evenly
 from acquire.session import Session
 from acquire.session.store import PROFILES
 from processing.patterns import Pattern
@@ -104,10 +104,8 @@ class Placement:
 
     def _looked_at(self, known: WhiteBlack) -> NDArray[np.int64]:
         """Samples that are lit and whose place is known."""
-        usable = known.lit(LOOKED_AT) & ~known.white.saturated
-        usable &= np.isfinite(self._row) & np.isfinite(self._column)
-        chosen = np.flatnonzero(usable)
-        return chosen[:: max(-(-len(chosen) // MOST_PLACES), 1)]
+        placed = np.isfinite(self._row) & np.isfinite(self._column)
+        return spread_evenly(known.usable & placed, MOST_PLACES)
 
     def _parts(self, chosen: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         """Quarters and sixteenths of the picture, as places in what was chosen."""

@@ -44,6 +44,11 @@ class WhiteBlack:
         return lit
 
     @property
+    def usable(self) -> NDArray[np.bool_]:
+        """bool, (rows, columns): places that are looked at and not saturated in white."""
+        return self.lit(LOOKED_AT) & ~self.white.saturated
+
+    @property
     def unlit(self) -> float:
         """Part of the places that white does not light."""
         return 1 - float(self.lit(UNLIT).mean())
@@ -61,6 +66,12 @@ class WhiteBlack:
         looked_at = self.lit(LOOKED_AT) & (due > certain)
         dark = looked_at & (light - self.black.grid < DARK_AT * due)
         return float(dark.sum() / max(int(looked_at.sum()), 1))
+
+
+def spread_evenly(chosen: NDArray[np.bool_], most: int) -> NDArray[np.int64]:
+    """Indices of so many chosen places, over the whole picture."""
+    every = np.flatnonzero(chosen)
+    return every[:: max(-(-len(every) // most), 1)]
 
 
 def window_noise(samples: FrameSamples) -> float:

@@ -48,7 +48,7 @@ from processing.ranges.result import (
     Fits,
     RangeDecomposition,
     assemble,
-    blocks,
+    blocks_with,
     lattice,
 )
 from processing.ranges.scattering import RivalFits, Signs, translucent_map
@@ -210,19 +210,11 @@ def _fit_blocks(
             places_px[:, lines][:, chosen] = located.places.place_px
             near.add(lines, chosen, _near_light(located, optics))
 
-    every = [lines for lines in blocks(mask.shape) if mask[lines].any()]
+    every = blocks_with(mask)
     bands = [every[k : k + _BAND] for k in range(0, len(every), _BAND)]
+    # Each pixel is written by one of them: the number of threads changes nothing.
     in_threads(fit, bands, lambda part: progress(_FIT_SHARE * part))
     return fits, coherence, places_px
-
-
-def _in_threads(work: Callable[[slice], None], chosen: NDArray[np.bool_], told: Progress) -> None:
-    """Work on all lines that hold chosen pixels, some at a time.
-
-    Each pixel is written by one of them: the number of threads changes nothing.
-    """
-    wanted = [lines for lines in blocks(chosen.shape) if chosen[lines].any()]
-    in_threads(work, wanted, told)
 
 
 def _near_light(located: Located, optics: SceneOptics) -> NearLight:
@@ -271,7 +263,8 @@ def _settle_edges(
         )
         settled[pixels[0], pixels[1]] = True
 
-    _in_threads(settle, suspects, lambda part: progress(_FIT_SHARE + (1 - _FIT_SHARE) * part))
+    rest = 1 - _FIT_SHARE
+    in_threads(settle, blocks_with(suspects), lambda part: progress(_FIT_SHARE + rest * part))
     return settled, suspects
 
 

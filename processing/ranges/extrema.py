@@ -30,7 +30,7 @@ from processing.ranges.result import (
     Fits,
     RangeDecomposition,
     assemble,
-    blocks,
+    blocks_with,
     lattice,
 )
 from processing.ranges.scattering import RivalFits, translucent_map
@@ -84,12 +84,11 @@ def decompose_extrema(
     noise = np.array([noise_deviation(np.asarray(row), mask) for row in rows])
     model = _Model.of(pitches, families, blur_px, noise)
     fits = RivalFits(white.shape)
-    for lines in blocks(mask.shape):
+    for lines in blocks_with(mask):
         chosen = mask[lines]
-        if chosen.any():
-            block = [np.asarray(row[lines])[chosen] for row in rows]
-            lit = white[lines][chosen]
-            fits.add(lines, chosen, lit, model.fitted(block, lit))
+        block = [np.asarray(row[lines])[chosen] for row in rows]
+        lit = white[lines][chosen]
+        fits.add(lines, chosen, lit, model.fitted(block, lit))
     found = translucent_map(fits.gain, mask, _CREASE_PX)
     colours = white.shape[2]
     capture = Capture(

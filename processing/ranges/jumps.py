@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 Array = NDArray[np.float64]
+_Lines = tuple[slice, slice]
 
 # In camera pixels: what is a jump on the projector, how far from one footprints are divided, how
 # far to look for a neighbour that sees the second place, and how well they must agree.
@@ -31,14 +34,10 @@ def near_jumps(
         Usual distance on the projector between neighbouring pixels.
     """
     jumps = np.zeros(mask.shape, bool)
-    for axis in range(2):
-        ahead = [slice(None), slice(None)]
-        behind = [slice(None), slice(None)]
-        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
-        step = np.abs(np.diff(places_px, axis=axis + 1)).max(axis=0)
-        jumped = (step > _JUMP_PX * scale_px) & mask[tuple(ahead)] & mask[tuple(behind)]
-        jumps[tuple(ahead)] |= jumped
-        jumps[tuple(behind)] |= jumped
+    for ahead, behind, step_px in _neighbours(places_px):
+        jumped = (step_px > _JUMP_PX * scale_px) & mask[ahead] & mask[behind]
+        jumps[ahead] |= jumped
+        jumps[behind] |= jumped
     side = 2 * _REACH_PX - 1
     near: NDArray[np.bool_] = ndimage.binary_dilation(jumps, np.ones((side, side), bool)) & mask
     return near
@@ -115,13 +114,20 @@ def up_to_jumps(
         As for `near_jumps`.
     """
     grown = region.copy()
-    for axis in range(2):
-        ahead = [slice(None), slice(None)]
-        behind = [slice(None), slice(None)]
-        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
-        on, back = tuple(ahead), tuple(behind)
-        step = np.abs(np.diff(places_px, axis=axis + 1)).max(axis=0)
-        same = step < _JUMP_PX * scale_px
-        grown[on] |= region[back] & same & undecided[on]
-        grown[back] |= region[on] & same & undecided[back]
+    for ahead, behind, step_px in _neighbours(places_px):
+        same = step_px < _JUMP_PX * scale_px
+        grown[ahead] |= region[behind] & same & undecided[ahead]
+        grown[behind] |= region[ahead] & same & undecided[behind]
     return grown
+
+
+def _neighbours(
+    places_px: NDArray[np.floating],
+) -> Iterator[tuple[_Lines, _Lines, NDArray[np.floating]]]:
+    """Pixels, those above or left of them, and how far their places are apart, each way."""
+    on, back, every = slice(1, None), slice(None, -1), slice(None)
+    for axis, ahead, behind in (
+        (1, (on, every), (back, every)),
+        (2, (every, on), (every, back)),
+    ):
+        yield ahead, behind, np.abs(np.diff(places_px, axis=axis)).max(axis=0)

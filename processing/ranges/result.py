@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,7 +168,9 @@ def lattice(shape: tuple[int, int]) -> tuple[slice, slice]:
     return slice(None, None, stride), slice(None, None, stride)
 
 
-def blocks(shape: tuple[int, int]) -> Iterator[slice]:
-    """Lines of a picture, some 32 000 pixels at a time."""
-    lines = max(_BLOCK_PIXELS // shape[1], 1)
-    return (slice(first, first + lines) for first in range(0, shape[0], lines))
+def blocks_with(chosen: NDArray[np.bool_]) -> list[slice]:
+    """Lines of a picture, some 32 000 pixels at a time, that hold chosen pixels."""
+    height, width = chosen.shape
+    lines = max(_BLOCK_PIXELS // width, 1)
+    every = (slice(first, first + lines) for first in range(0, height, lines))
+    return [block for block in every if chosen[block].any()]
