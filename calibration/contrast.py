@@ -30,6 +30,18 @@ _LEAST_FIT = 0.15
 _IDEAL = (4 / np.pi) ** 2 / 4
 
 
+def parts_of(
+    shape: tuple[int, ...], count: int
+) -> list[tuple[tuple[int, int], tuple[slice, slice]]]:
+    """So many parts of a picture down and right: the place of each among them, its pixels."""
+    rows, columns = (np.linspace(0, size, count + 1).astype(int) for size in shape)
+    return [
+        ((i, j), (slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1])))
+        for i in range(count)
+        for j in range(count)
+    ]
+
+
 class CheckerContrast:
     """Harmonics along both diagonals, and largest and smallest value, of one pitch's frames.
 
@@ -75,17 +87,12 @@ class CheckerContrast:
 
     def blocks(self, white: Image, usable: NDArray[np.bool_], count: int) -> Array:
         """(count, count): modulation, mean of diagonals and colours, over parts of the picture."""
-        height, width = usable.shape
         mean = np.abs(self._waves).mean(axis=0) / self._n_frames / np.float32(0.5 * _IDEAL)
         found = np.full((count, count), np.nan)
-        rows = np.linspace(0, height, count + 1).astype(int)
-        columns = np.linspace(0, width, count + 1).astype(int)
-        for i in range(count):
-            for j in range(count):
-                part = (slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1]))
-                if usable[part].any():
-                    whole = white[part][usable[part]].sum(dtype=np.float64)
-                    found[i, j] = mean[part][usable[part]].sum(dtype=np.float64) / whole
+        for place, part in parts_of(usable.shape, count):
+            if usable[part].any():
+                whole = white[part][usable[part]].sum(dtype=np.float64)
+                found[place] = mean[part][usable[part]].sum(dtype=np.float64) / whole
         return found
 
 

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from calibration.contrast import parts_of
+
 Array: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.float32]
 
@@ -61,7 +63,7 @@ class PairContrast:
         gain = whole[self._usable].sum(axis=0, dtype=np.float64) / np.maximum(weights, 1e-30)
         self.gains.append(float(gain.mean()))
         noise = self._noise(whole - gain.astype(np.float32) * self._light)
-        for part, region in self._parts():
+        for part, region in parts_of(self._usable.shape, len(self._sums)):
             lit = self._usable[region]
             squares = np.square(difference[region][lit], dtype=np.float64).sum(axis=0)
             self._differences[part] += squares - noise * lit.sum()
@@ -94,17 +96,6 @@ class PairContrast:
         steps = (rest[:, 1:] - rest[:, :-1])[both]
         variance = np.square(steps, dtype=np.float64).mean(axis=0) / 2 if len(steps) else 0.0
         return np.asarray(variance / (1 + 1 / self._n_whites))
-
-    def _parts(self) -> list[tuple[tuple[int, int], tuple[slice, slice]]]:
-        blocks = len(self._sums)
-        rows, columns = (
-            np.linspace(0, size, blocks + 1).astype(int) for size in self._usable.shape
-        )
-        return [
-            ((i, j), (slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1])))
-            for i in range(blocks)
-            for j in range(blocks)
-        ]
 
 
 def checker_modulation(mean_square: Array, n_directions: int) -> Array:

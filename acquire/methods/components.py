@@ -79,6 +79,24 @@ class Method(Protocol):
         """Remove what was parked on the disk."""
 
 
+class OfPitches:
+    """What a method leaves out that needs nothing but the separated pitches."""
+
+    @property
+    def wants_harmonics(self) -> bool:
+        """See `Method.wants_harmonics`."""
+        return False
+
+    def white(self, lit: Image) -> None:
+        """The separated pitches are all it needs."""
+
+    def pitch(self, gathered: PitchHarmonics) -> None:
+        """The separated pitches are all it needs."""
+
+    def close(self) -> None:
+        """Nothing was parked."""
+
+
 def cautions_of(remarks: tuple[Remark, ...]) -> tuple[Caution, ...]:
     """What a decomposition remarked, as the report tells it."""
     return tuple(Caution(what=r.what, meaning=r.meaning, remedy=r.remedy) for r in remarks)

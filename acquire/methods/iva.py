@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from acquire.errors import StackError
-from acquire.methods.components import Components, Image, Told, cautions_of, or_none
+from acquire.methods.components import Components, OfPitches, Told, cautions_of, or_none
 from acquire.pitches import SeparatedPitches, open_rows
 from acquire.result import MixingRecord, PixelClass
-from processing.frames.harmonics import PitchHarmonics
 from processing.independence.decomposition import decompose_iva
 from processing.patterns import Family
 
@@ -21,7 +20,7 @@ IVA_INTERVAL = (
 )
 
 
-class Iva:
+class Iva(OfPitches):
     """Independent vector analysis, as in the paper; see `processing.independence.decomposition`."""
 
     def __init__(
@@ -29,20 +28,6 @@ class Iva:
     ) -> None:
         self._n_components, self._n_iterations = n_components, n_iterations
         self._smoothing_px = smoothing_px
-
-    @property
-    def wants_harmonics(self) -> bool:
-        """See `Method.wants_harmonics`."""
-        return False
-
-    def white(self, lit: Image) -> None:
-        """The separated pitches are all it needs."""
-
-    def pitch(self, gathered: PitchHarmonics) -> None:
-        """The separated pitches are all it needs."""
-
-    def close(self) -> None:
-        """Nothing was parked."""
 
     def decompose(
         self,

@@ -6,13 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from acquire.errors import StackError
-from acquire.methods.components import Components, Image, Told
+from acquire.methods.components import Components, OfPitches, Told
 from acquire.methods.iva import Iva
 from acquire.methods.ranges import by_range
 from acquire.pitches import SeparatedPitches, open_rows
 from acquire.result import PixelClass
 from acquire.session.records import Caution
-from processing.frames.harmonics import PitchHarmonics
 from processing.patterns import Family
 from processing.ranges.extrema import decompose_extrema
 
@@ -27,7 +26,7 @@ FROM_EXTREMA = Caution(
 )
 
 
-class Pairs:
+class Pairs(OfPitches):
     """Where frames do not tell the places of pixels in the patterns.
 
     Two frames a pitch may be the largest and the smallest value of many shifts, or two positions
@@ -38,20 +37,6 @@ class Pairs:
 
     def __init__(self, obstacle: str, iva: Iva | None) -> None:
         self._obstacle, self._iva = obstacle, iva
-
-    @property
-    def wants_harmonics(self) -> bool:
-        """See `Method.wants_harmonics`."""
-        return False
-
-    def white(self, lit: Image) -> None:
-        """The separated pitches are all it needs."""
-
-    def pitch(self, gathered: PitchHarmonics) -> None:
-        """The separated pitches are all it needs."""
-
-    def close(self) -> None:
-        """Nothing was parked."""
 
     def decompose(self, folder: Path, separated: SeparatedPitches, told: Told) -> Components:
         """By ranges where the frames are extrema, else by independent vector analysis."""

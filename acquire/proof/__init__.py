@@ -10,7 +10,7 @@ from acquire.proof.clocks import camera_clock_jumps
 from acquire.proof.examination import Examination
 from acquire.proof.portraits import keep_portraits
 from acquire.proof.prover import Prover
-from acquire.proof.recorded import Recorded, examine
+from acquire.proof.recorded import Recorded
 from acquire.proof.records import FrameProof, read_proofs
 from acquire.proof.samples import FrameSamples, sample_frame
 from acquire.proof.summary import proof_of, proven
@@ -25,7 +25,6 @@ __all__ = [
     "Recorded",
     "Unit",
     "camera_clock_jumps",
-    "examine",
     "keep_portraits",
     "proof_of",
     "proven",

@@ -64,8 +64,3 @@ class Recorded:
     def disagreements(self) -> list[str]:
         """Pitches that stand elsewhere than the others say, once all is judged, in words."""
         return self._examination.disagreements()
-
-
-def examine(session: Session, frame_done: Callable[[], None]) -> Iterator[FrameProof]:
-    """What every frame of a session shows, as `Recorded.proofs` has it."""
-    return Recorded(session).proofs(frame_done)

@@ -18,7 +18,7 @@ from acquire.profile_file import (
     read_profile,
     write_profile,
 )
-from acquire.proof import Recorded, examine, read_proofs, verdict
+from acquire.proof import Recorded, read_proofs, verdict
 from acquire.recording import record
 from acquire.rig import Bench
 from acquire.rig.simulated import simulated_bench
@@ -73,7 +73,7 @@ def rolled(raster: Raster, right: int) -> Raster:
 
 
 def told(session: Session) -> str:
-    return "\n".join(verdict(session, list(examine(session, lambda: None))))
+    return "\n".join(verdict(session, list(Recorded(session).proofs(lambda: None))))
 
 
 def taken(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from acquire.errors import ProofError
-from acquire.proof import examine, read_proofs, verdict
+from acquire.proof import Recorded, read_proofs, verdict
 from acquire.proof.prover import MOST_HOPELESS
 from acquire.rig import find_bench
 from acquire.sequencer import Outcome
@@ -142,7 +142,7 @@ def test_what_is_kept_unproven_is_noted(tmp_path: Path) -> None:
 
 def test_a_recorded_session_is_judged_again(tmp_path: Path) -> None:
     good, _ = captured(tmp_path / "good", PLAN, small_bench(late=0.04, dropped=0.03, **NOISE))
-    again = list(examine(Session.open(good.folder), lambda: None))
+    again = list(Recorded(Session.open(good.folder)).proofs(lambda: None))
     assert [proof.step for proof in again if proof.is_wrong] == []
     assert sorted(proof.step for proof in again) == list(range(len(PLAN)))
     step = next(k for k in range(10, 30) if good.frames[k].attempt == good.frames[k + 1].attempt)
@@ -154,7 +154,7 @@ def test_a_recorded_session_is_judged_again(tmp_path: Path) -> None:
     text = (good.folder / "frames.jsonl").read_text()
     text = text.replace(first.sha256, "?").replace(second.sha256, first.sha256)
     (good.folder / "frames.jsonl").write_text(text.replace("?", second.sha256))
-    found = list(examine(Session.open(good.folder), lambda: None))
+    found = list(Recorded(Session.open(good.folder)).proofs(lambda: None))
     assert {step, step + 1} <= {proof.step for proof in found if proof.is_wrong}
 
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_stops_after_a_few_frames_and_is_mended_afterwards(
     assert words in session.record.runs[-1].reason
     session, outcome = captured(tmp_path / "s", PLAN, small_bench(**NOISE))
     assert outcome is Outcome.COMPLETE
-    assert [proof.step for proof in examine(session, lambda: None) if proof.is_wrong] == []
+    assert [proof.step for proof in Recorded(session).proofs(lambda: None) if proof.is_wrong] == []
 
 
 def fates(*wrong: int) -> Faults:
@@ -210,7 +210,7 @@ def test_a_known_movement_is_measured(tmp_path: Path) -> None:
     bench = small_bench(camera_px=(96, 96), projector_px=(192, 256), move_px=0.8, **NOISE)
     plan = small_plan("[pattern]\npitch_px = [12]\n[references]\nevery_frames = 12\n")
     session, _ = captured(tmp_path / "s", plan, bench)
-    proofs = list(examine(session, lambda: None))
+    proofs = list(Recorded(session).proofs(lambda: None))
     whites = [p for p in proofs if str(plan.patterns[p.step]) == "white" and p.moved_px]
     assert len(whites) >= 4
     for proof in whites:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from acquire.errors import ProofError
-from acquire.proof import examine, proof_of, read_proofs, verdict
+from acquire.proof import Recorded, proof_of, read_proofs, verdict
 from acquire.sequencer import Outcome
 from acquire.session import Session
 from processing.proof.finding import Finding
@@ -21,7 +21,7 @@ NOISE = {"full_well_e": 20_000.0, "read_noise_e": 5.0}
 
 
 def told(session: Session) -> str:
-    return "\n".join(verdict(session, list(examine(session, lambda: None))))
+    return "\n".join(verdict(session, list(Recorded(session).proofs(lambda: None))))
 
 
 def per_cent(pattern: str, text: str) -> float:
@@ -108,7 +108,7 @@ def test_settings_that_were_kept_all_the_same_are_told(tmp_path: Path) -> None:
     bench = small_bench(iso_turned=250, **NOISE)
     session, _ = captured(tmp_path / "s", PLAN, bench, keep_unproven=True)
     half = len(PLAN) // 2
-    proofs = list(examine(session, lambda: None))
+    proofs = list(Recorded(session).proofs(lambda: None))
     exposed = {proof.step for proof in proofs if proof.finding is Finding.EXPOSED}
     assert exposed >= set(range(half + 1, len(PLAN)))
     assert all(
