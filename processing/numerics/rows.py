@@ -95,11 +95,16 @@ def combine(matrix: NDArray[np.float64], rows: Rows, out: NDArray[np.float32]) -
     """
     per_color = np.broadcast_to(matrix, (out.shape[3], *matrix.shape[-2:]))
     factors = np.tile(np.moveaxis(per_color, 0, -1).astype(np.float32), _CHUNK_PIXELS)
+    # The last four are filled up with nothing of the last row.
+    factors = np.pad(factors, ((0, 0), (0, -len(rows) % 4), (0, 0)))
+    fours = [np.ascontiguousarray(factors[:, m : m + 4]) for m in range(0, len(rows), 4)]
 
     def mix(lines: slice) -> None:
-        block = _block(rows, lines)
-        mixed = np.empty((len(out), block.shape[1]), np.float32)
-        _mix(factors, block, mixed)
+        mixed = np.zeros((len(out), rows[0][lines].size), np.float32)
+        for m, four in zip(range(0, len(rows), 4), fours, strict=True):
+            values = [_values(row, lines) for row in rows[m : m + 4]]
+            v0, v1, v2, v3 = (values + 3 * values[-1:])[:4]
+            _add_four(four, v0, v1, v2, v3, mixed)
         out[:, lines] = mixed.reshape(len(out), -1, *out.shape[2:])
 
     _in_blocks(mix, rows, rows[0].shape[0])
@@ -121,6 +126,11 @@ def _block(rows: Rows, lines: slice | NDArray[np.int64]) -> NDArray[np.float32]:
     for target, row in zip(block[1:], rows[1:], strict=True):
         target.reshape(first.shape)[:] = row[lines]
     return block
+
+
+def _values(row: NDArray[np.float32], lines: slice) -> NDArray[np.float32]:
+    """Some lines of an image, (values,), copied only where they do not lie one by one."""
+    return np.ascontiguousarray(row[lines]).reshape(-1)
 
 
 def _per_value(usable: NDArray[np.bool_], n_colors: int) -> NDArray[np.bool_]:
@@ -182,22 +192,14 @@ def _add_values(block, usable, places):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _mix(factors, values, out):  # type: ignore[no-untyped-def]
-    """`factors`, (k, m, chunk), repeat with the colours, so that the inner loop has no index."""
-    n_out, n_rows, size = factors.shape
-    n_values, in_fours = values.shape[1], n_rows - n_rows % 4
-    for start in range(0, n_values, size):
-        end = min(start + size, n_values)
+def _add_four(factors, v0, v1, v2, v3, out):  # type: ignore[no-untyped-def]
+    """`factors`, (k, 4, chunk), repeat with the colours, so that the inner loop has no index."""
+    n_out, _, size = factors.shape
+    for start in range(0, len(v0), size):
+        end = min(start + size, len(v0))
+        a, b, c, d = v0[start:end], v1[start:end], v2[start:end], v3[start:end]
         for k in range(n_out):
-            mixed, factor = out[k, start:end], factors[k]
-            mixed[:] = 0
-            for m in range(0, in_fours, 4):
-                v0, v1 = values[m, start:end], values[m + 1, start:end]
-                v2, v3 = values[m + 2, start:end], values[m + 3, start:end]
-                f0, f1, f2, f3 = factor[m], factor[m + 1], factor[m + 2], factor[m + 3]
-                for i in range(end - start):
-                    mixed[i] += (f0[i] * v0[i] + f1[i] * v1[i]) + (f2[i] * v2[i] + f3[i] * v3[i])
-            for m in range(in_fours, n_rows):
-                source, last = values[m, start:end], factor[m]
-                for i in range(end - start):
-                    mixed[i] += last[i] * source[i]
+            mixed, f = out[k, start:end], factors[k]
+            f0, f1, f2, f3 = f[0], f[1], f[2], f[3]
+            for i in range(end - start):
+                mixed[i] += (f0[i] * a[i] + f1[i] * b[i]) + (f2[i] * c[i] + f3[i] * d[i])
