@@ -5,22 +5,27 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acquire.errors import StackError
-from acquire.methods.components import Components, OfPitches, Told
+from acquire.methods.components import Components, Image, OfPitches, Told
 from acquire.methods.iva import Iva
 from acquire.methods.ranges import by_range
 from acquire.pitches import SeparatedPitches, open_rows
 from acquire.result import PixelClass
 from acquire.session.records import Caution
+from processing.frames.frame_noise import FrameSample, lattice
 from processing.patterns import Family
-from processing.ranges.extrema import decompose_extrema
+from processing.ranges.extrema import decompose_extrema, raised_by_noise
 
 FROM_EXTREMA = Caution(
     what="Every pitch has two frames, of which one is nowhere darker than the other: they were "
     "taken for the largest and smallest value over many shifts, and ranges were found from them "
     "alone.",
-    meaning="No places in the patterns are known: the noise of the extreme frames and shifts that "
-    "miss the middle of a check enter in full, and translucent objects are recognised less well. "
+    meaning="No places in the patterns are known: what noise adds to extreme frames is only "
+    "taken off by how much they add up to more than white, shifts that miss the middle of a check "
+    "enter in full, and translucent objects are recognised less well. "
     "What the import says of two shifts does not hold for extrema.",
     remedy="Capture or import all frames of every pitch where they exist.",
 )
@@ -47,12 +52,16 @@ class Pairs(OfPitches):
                 raise StackError(f"{self._obstacle}; `--method iva` takes such sessions.")
             components = self._iva.decompose(folder, separated, told)
             return replace(components, cautions=(self._by_iva, *components.cautions))
+        usable = separated.mask == PixelClass.MEASURED
+        samples = dict(zip(separated.pitches, separated.samples, strict=True))
+        raised = [_raised(samples[pitch], separated.white, usable) for pitch in resolved]
         found = decompose_extrema(
             open_rows(folder, resolved),
             [float(pitch.pitch_px) for pitch in resolved],
             [Family(pitch.family) for pitch in resolved],
             separated.white,
-            separated.mask == PixelClass.MEASURED,
+            usable,
+            np.stack(raised),
         )
         components = by_range(found, [(pitch.family, pitch.pitch_px) for pitch in resolved])
         return replace(components, cautions=(FROM_EXTREMA, *components.cautions))
@@ -66,3 +75,10 @@ class Pairs(OfPitches):
             "negative.",
             remedy="Capture with the shifts of `lumisplit plan --example` for the default method.",
         )
+
+
+def _raised(sample: FrameSample, white: Image, usable: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """What noise adds to the two extreme frames of a pitch, see `raised_by_noise`."""
+    every = lattice(usable.shape)
+    largest, smallest = np.sort(sample.frames, axis=0)[::-1, usable[every]].astype(np.float32)
+    return raised_by_noise(largest, smallest, white[every][usable[every]])

@@ -37,6 +37,19 @@ class Account:
     mixtures: NDArray[np.float64]
     subsurface: tuple[int, int]
 
+    def roles(self, members: NDArray[np.int64]) -> NDArray[np.int64]:
+        """0 of direct light, 1 of subsurface scattering, 2 of the rest.
+
+        Parameters
+        ----------
+        members
+            (n,): where each range of the account stands, direct light first and infinity last.
+        """
+        roles = np.full(len(members), 2)
+        first, end = self.subsurface
+        roles[members[0]], roles[members[first:end]] = 0, 1
+        return roles
+
 
 def spread_grid(pitch_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard deviations in projector pixels, 0 first, that suit a set of pitches."""

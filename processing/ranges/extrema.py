@@ -24,7 +24,6 @@ from processing.numerics.rows import Rows
 from processing.patterns import Family
 from processing.ranges.accounts import Account, opaque, spread_grid, translucent
 from processing.ranges.blur import BLUR_UNSURE, Blur, shorth
-from processing.ranges.pixels import fit_rows
 from processing.ranges.result import (
     Capture,
     Fits,
@@ -33,7 +32,9 @@ from processing.ranges.result import (
     blocks_with,
     lattice,
 )
+from processing.ranges.row_fit import RowErrors, fit_rows
 from processing.ranges.scattering import RivalFits, translucent_map
+from processing.ranges.slopes import model_errors
 from processing.remarks import Remark
 
 Array = NDArray[np.float64]
@@ -50,6 +51,22 @@ _CREASE_PX = 17.0
 # Finest over second finest direct image: above this, what is missing may as well be light that
 # travelled, and the middle of a check does not feel the blur.
 _SHARP_RATIO = 0.98
+# Of the pixels that are sharper than most, those within one standard deviation, in percent.
+_UP_TO_ONE_DEVIATION = 32.0
+# By what part of the blur's variance they differ from it where pixels are not equally sharp, and
+# how far, relative, the blur of a pixel is then trusted, or else.
+_UNEVEN = 0.15
+_UNEVEN_ERROR, _EVEN_ERROR = 0.6, 0.05
+# What noise adds to direct light, by how much it raises the sum of the extreme values, and how
+# uncertain that is.
+_ADDED, _ADDED_ERROR = 3.0, 2.0
+_UNEVENLY_SHARP = Remark(
+    what="The pixels are not equally sharp, as with a lens out of focus, or surfaces seen at "
+    "a slant.",
+    meaning="From direct images alone this looks like light that travelled by less than the "
+    "finest pitches: they count for little, and such light passes for direct.",
+    remedy="Focus the camera, or capture and keep all frames.",
+)
 
 
 def decompose_extrema(
@@ -58,8 +75,12 @@ def decompose_extrema(
     families: Sequence[Family],
     white: Image,
     mask: NDArray[np.bool_],
+    raised: Array | None = None,
 ) -> RangeDecomposition:
     """Take direct images apart by range of light.
+
+    What noise adds to extreme values is taken off as far as they tell it, see `raised_by_noise`,
+    and two thirds of that are stated as an error that all pixels share.
 
     Parameters
     ----------
@@ -74,21 +95,27 @@ def decompose_extrema(
         float32, (height, width, colours), the scene under full light.
     mask
         bool, (height, width), True where a pixel is usable.
+    raised
+        (m, colours), of `raised_by_noise`; None where there is no noise, or nobody knows.
     """
     pitches = np.asarray(pitch_px, np.float64)
     _check(rows, pitches, families, white, mask)
     spaced = lattice(mask.shape)
     usable = mask[spaced]
-    sample = [np.asarray(row[spaced])[usable] for row in rows]
-    blur_px, warnings = _blur_px(sample, pitches, families, white[spaced][usable])
+    raised = np.zeros((len(rows), white.shape[2])) if raised is None else raised
+    lit = white[spaced][usable]
+    sample = [_freed(row[spaced][usable], lit, one) for row, one in zip(rows, raised, strict=True)]
+    blur, warnings = _blur_of(sample, pitches, families, lit)
     noise = np.array([noise_deviation(np.asarray(row), mask) for row in rows])
-    model = _Model.of(pitches, families, blur_px, noise)
+    model = _Model.of(pitches, families, blur, noise, raised)
     fits = RivalFits(white.shape)
     for lines in blocks_with(mask):
         chosen = mask[lines]
-        block = [np.asarray(row[lines])[chosen] for row in rows]
-        lit = white[lines][chosen]
-        fits.add(lines, chosen, lit, model.fitted(block, lit))
+        light = white[lines][chosen]
+        block = [
+            _freed(row[lines][chosen], light, one) for row, one in zip(rows, raised, strict=True)
+        ]
+        fits.add(lines, chosen, light, model.fitted(block, light))
     found = translucent_map(fits.gain, mask, _CREASE_PX)
     colours = white.shape[2]
     capture = Capture(
@@ -97,35 +124,78 @@ def decompose_extrema(
         pitch_px=pitches,
         accounts=model.accounts,
         responses=(model.responses,) * colours,
-        blur=(Blur(blur_px**2),) * colours,
+        blur=(Blur(blur.variance_px2),) * colours,
         noise=np.full(colours, float(np.median(noise))),
     )
-    return assemble(capture, fits, found, model.fitted(sample, white[spaced][usable]), warnings)
+    return assemble(capture, fits, found, model.fitted(sample, lit), warnings)
+
+
+def raised_by_noise(largest: Image, smallest: Image, white: Image) -> Array:
+    """By how much extreme values add up to more than white, in roots of light.
+
+    Noise raises the largest of many values and lowers the smallest. Brighter light has more of
+    it, so that both add up to more than white, by k(σ₊ − σ₋), while direct light found with the
+    complement is too large by k(σ₊ + σ₋) and more: 2.4 to 3.5 times as much with a full well of
+    20 000 electrons and read noise of 5, up to 8 times as much with read noise of 60. Shot noise
+    goes with the root of light.
+
+    Parameters
+    ----------
+    largest, smallest, white
+        float32, (n, colours), of some pixels of a pitch, black subtracted.
+
+    Returns
+    -------
+    (colours,): median of (L₊ + L₋ − W)/√W; ≥ 0, for noise lowers nothing.
+    """
+    lit = white > _BRIGHT_FRACTION * np.percentile(white, 99.5)
+    excess = (largest + smallest - white) / np.sqrt(np.maximum(white, 1e-9))
+    every = [
+        np.median(one[bright]) if bright.any() else 0.0
+        for one, bright in zip(excess.T, lit.T, strict=True)
+    ]
+    return np.maximum(np.array(every, np.float64), 0)
+
+
+def _freed(row: Image, white: Image, raised: Array) -> Image:
+    """Direct light of some pixels, (n, colours), without what noise added."""
+    return np.asarray(row - _ADDED * raised.astype(np.float32) * np.sqrt(white), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class _Model:
     """How direct images respond: (pitches,) each, and (pitches, spreads) of responses.
 
-    `gains` is what the blur leaves of direct light, `variance` that of the noise once corrected.
+    `gains` is what the blur leaves of direct light, `errors` those of rows corrected for it.
     """
 
     pitch_px: Array
     responses: Array
     gains: Array
-    variance: Array
+    errors: RowErrors
     accounts: tuple[Account, Account]
 
     @classmethod
     def of(
-        cls, pitch_px: Array, families: Sequence[Family], blur_px: float, noise: Array
+        cls,
+        pitch_px: Array,
+        families: Sequence[Family],
+        blur: _CommonBlur,
+        noise: Array,
+        raised: Array,
     ) -> _Model:
         """Responses through a blur, for rows whose noise has the given standard deviations."""
-        blurred = _responses(families, pitch_px, np.array([0.0, blur_px]), 0.0)[:, 1]
-        gains = np.maximum(blurred, _LEAST_GAIN)
-        responses = _responses(families, pitch_px, spread_grid(pitch_px), blur_px)
+        sigma_px = np.sqrt([0.0, blur.variance_px2, blur.variance_px2 + blur.deviation_px2])
+        blurred = _responses(families, pitch_px, sigma_px, 0.0)
+        gains = np.maximum(blurred[:, 1], _LEAST_GAIN)
+        responses = _responses(families, pitch_px, spread_grid(pitch_px), float(sigma_px[1]))
+        errors = RowErrors(
+            variance=(noise / gains) ** 2,
+            bias=_ADDED_ERROR * raised / gains[:, np.newaxis],
+            model=np.hypot(model_errors(pitch_px), (blurred[:, 1] - blurred[:, 2]) / gains),
+        )
         accounts = opaque(pitch_px), translucent(pitch_px)
-        return cls(pitch_px, responses, gains, (noise / gains) ** 2, accounts)
+        return cls(pitch_px, responses, gains, errors, accounts)
 
     def fitted(self, values: Sequence[Image], light: Image) -> Fits:
         """Both accounts of n pixels, for each colour; `values` and `light` are (n, colours)."""
@@ -134,7 +204,7 @@ class _Model:
             slopes = np.stack([row[:, colour] for row in values], axis=1) / self.gains
             white = light[:, colour].astype(np.float64)
             one, other = (
-                fit_rows(slopes, self.pitch_px, self.responses, account, white, self.variance)
+                fit_rows(slopes, self.responses, account, white, self.errors, colour)
                 for account in self.accounts
             )
             fits.append((one, other))
@@ -181,16 +251,35 @@ def _responses(
     return np.array(rows)
 
 
-def _blur_px(
+@dataclass(frozen=True, slots=True)
+class _CommonBlur:
+    """Variance a side of the blur of most pixels, and by how much others may differ from it."""
+
+    variance_px2: float = 0.0
+    deviation_px2: float = 0.0
+
+
+def _blur_of(
     sample: Sequence[Image], pitch_px: Array, families: Sequence[Family], white: Image
-) -> tuple[float, tuple[Remark, ...]]:
-    """Blur at which the two finest pitches differ as they do in most pixels."""
+) -> tuple[_CommonBlur, tuple[Remark, ...]]:
+    """Blur at which the two finest pitches differ as they do in most pixels.
+
+    How much it differs between pixels those tell that are sharper than most: what scatters is only
+    less sharp. A lens out of focus mixes the light of neighbours, whose places may be far apart,
+    and so bends direct images as much as light of short range does.
+    """
     if len(sample) < 2 or pitch_px[1] <= pitch_px[0]:
-        return 0.0, (BLUR_UNSURE,)
+        return _CommonBlur(), (BLUR_UNSURE,)
     bright = white > _BRIGHT_FRACTION * np.percentile(white, 99.5)
-    ratio = shorth((sample[0][bright] / np.maximum(sample[1][bright], 1e-9)).astype(np.float64))
+    ratios = (sample[0][bright] / np.maximum(sample[1][bright], 1e-9)).astype(np.float64)
+    ratio = shorth(ratios)
     tried = _BLURS * pitch_px[0]
     expected = _peak(families[0], pitch_px[0], tried) / _peak(families[1], pitch_px[1], tried)
     if ratio > _SHARP_RATIO:
-        return 0.0, ()
-    return float(np.interp(-ratio, -expected, tried)), ()
+        return _CommonBlur(), ()
+    variance_px2 = float(np.interp(-ratio, -expected, tried)) ** 2
+    sharper = np.interp(-ratios[ratios > ratio], -expected, tried) ** 2
+    sharpest = np.percentile(sharper, _UP_TO_ONE_DEVIATION) if sharper.size else variance_px2
+    if sharpest > (1 - _UNEVEN) * variance_px2:
+        return _CommonBlur(variance_px2, _EVEN_ERROR * variance_px2), ()
+    return _CommonBlur(variance_px2, _UNEVEN_ERROR * variance_px2), (_UNEVENLY_SHARP,)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.numerics.linear_algebra import product
-from processing.ranges.account_fit import AccountFit, add_row, solve_account, take, workspace
+from processing.ranges.account_fit import AccountFit, solve_account, take, workspace
 from processing.ranges.accounts import Account
 from processing.ranges.kernels import compiled
 from processing.ranges.response import ResponseTables
@@ -71,7 +70,7 @@ class PlaceFit:
     ) -> PlaceFit:
         """What is the same for all pixels of a colour."""
         columns, spans, members = _united(accounts)
-        one, other = (_roles(*pair) for pair in zip(accounts, members, strict=True))
+        one, other = (a.roles(m) for a, m in zip(accounts, members, strict=True))
         return cls(
             split_table(tables.down),
             split_table(tables.right),
@@ -153,50 +152,6 @@ def _index(column: Array, columns: list[Array]) -> int | None:
     return next((k for k, one in enumerate(columns) if np.array_equal(one, column)), None)
 
 
-def _roles(account: Account, members: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Of the ranges in the order of their span."""
-    roles = np.full(len(members), 2)
-    first, end = account.subsurface
-    roles[members[0]], roles[members[first:end]] = 0, 1
-    return roles
-
-
-def fit_rows(
-    rows: Array,
-    pitch_px: Array,
-    responses: Array,
-    account: Account,
-    white: Array,
-    variance: Array,
-) -> AccountFit:
-    """Fit an account to rows of direct light that were found without places.
-
-    Parameters
-    ----------
-    rows
-        (n, pitches), D.
-    pitch_px
-        (pitches,).
-    responses
-        (pitches, spreads), the same for every pixel.
-    account
-        The ranges.
-    white
-        (n,).
-    variance
-        (pitches,), of the noise of D; white is taken to have none.
-    """
-    n_ranges = account.mixtures.shape[1] + 1
-    amounts, parts = np.zeros((len(rows), n_ranges)), np.zeros((len(rows), 8))
-    chi2 = np.zeros(len(rows))
-    design = np.column_stack([product(responses, account.mixtures), np.zeros(len(pitch_px))])
-    _fit_rows(
-        np.ascontiguousarray(rows), design, _roles(account, np.arange(n_ranges)),
-        np.ascontiguousarray(white), variance, model_errors(pitch_px), amounts, parts, chi2,
-    )  # fmt: skip
-    return AccountFit.of(amounts, parts, chi2)
-
-
 @compiled
 def _fit_places(  # type: ignore[no-untyped-def]
     harmonics, places, down, right, first, pitch_px, gain, mixtures, spans, roles, other_roles,
@@ -243,26 +198,3 @@ def _fit_places(  # type: ignore[no-untyped-def]
                 other, power, rows[spans[1, 0] : spans[1, 1], :n_pitches, j], seen[:, :, j],
                 other_roles, white[i], variance[i, 1], other_amounts[i], parts[1, i],
             )  # fmt: skip
-
-
-@compiled
-def _fit_rows(  # type: ignore[no-untyped-def]
-    values, design, roles, white, variance, model, amounts, parts, chi2
-):  # fmt: skip
-    n_pixels, n_pitches = values.shape
-    rows, n_ranges = design.T.copy(), design.shape[1]
-    seen, account = np.zeros((4, n_pitches)), workspace(n_ranges)
-    gram, moment = account[0], account[1]
-    for i in range(n_pixels):
-        gram[:] = 0
-        moment[:] = 0
-        power = 0.0
-        for k in range(n_pitches):
-            left_out = (model[k] * white[i]) ** 2 + 1e-30
-            weight = 1 / (variance[k] + left_out)
-            seen[0, k], seen[1, k] = variance[k] * weight**2, left_out * weight**2
-            add_row(gram, moment, design[k], values[i, k], weight)
-            power += weight * values[i, k] ** 2
-        chi2[i] = solve_account(
-            account, power, rows, seen, roles, white[i], 0.0, amounts[i], parts[i]
-        )
