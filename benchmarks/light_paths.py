@@ -32,6 +32,9 @@ RANGE_EDGES_PX = tuple(2.0 ** (k / 2) for k in range(19))
 _CENTRE, _INVERSE, _COLOURS, _TEXTURE, _SCALE, _GLOSS, _EXPONENT = 1, 4, 13, 19, 20, 21, 22
 _EXTINCTION, _MEDIUM, _COAT, _MATCHED = 23, 24, 27, 28
 
+# How a path goes on from a surface.
+_LOST, _AWAY, _INTO = 0, 1, 2
+
 
 @njit
 def _albedo(s, p, channel):  # type: ignore[no-untyped-def]
@@ -191,8 +194,8 @@ def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one
         if inside >= 0:
             s = solids[inside]
             free = -np.log(1 - np.random.random()) / s[_EXTINCTION]
+            p = along(o, d, min(free, t))
             if free < t:
-                p = along(o, d, free)
                 for c in range(3):
                     carried[c] *= s[_MEDIUM + c]
                 if s[_MATCHED] > 0:
@@ -200,14 +203,10 @@ def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one
                         solids, projector, down, right, p, inside, carried,
                         sums[min(kind, last)], parts[kind], ranges[kind - 1], place,
                     )  # fmt: skip
-                z = 2 * np.random.random() - 1
-                phi = 2 * np.pi * np.random.random()
-                r = np.sqrt(max(1 - z * z, 0.0))
-                o, d = p, (r * np.cos(phi), r * np.sin(phi), z)
+                o, d = p, _any_way()
                 if not _survives(carried, share):
                     return
                 continue
-            p = along(o, d, t)
             if np.random.random() < s[_COAT]:
                 o, d = p, lobe((-n[0], -n[1], -n[2]), 1.0)
                 continue
@@ -240,24 +239,39 @@ def _follow(  # type: ignore[no-untyped-def] # noqa: C901, PLR0912, PLR0915 (one
         bounces += 1
         if bounces > _BOUNCES or not _survives(carried, share):
             return
-        if rough_exit:
-            kind, o, d = 2, p, lobe(n, 1.0)
-        elif np.random.random() < s[_GLOSS]:
-            d = lobe(mirror, s[_EXPONENT])
-            leaving = dot(d, n)
-            if leaving <= 0:
-                return
-            carried *= leaving * (s[_EXPONENT] + 2) / (s[_EXPONENT] + 1)
-            kind, o = 2, p
-        elif np.random.random() < s[_COAT]:
-            for c in range(3):
-                carried[c] *= _albedo(s, p, c)
-            kind, o, d = 2, p, lobe(n, 1.0)
-        else:
-            inside, o = which, p
-            kind = 1 if kind == 0 else 2
-            if s[_MATCHED] == 0:
-                d = lobe((-n[0], -n[1], -n[2]), 1.0)
+        goes, d = _leave(s, p, n, d, mirror, rough_exit, carried)
+        if goes == _LOST:
+            return
+        if goes == _INTO:
+            inside = which
+        kind, o = 1 if goes == _INTO and kind == 0 else 2, p
+
+
+@njit
+def _leave(s, p, n, d, mirror, rough_exit, carried):  # type: ignore[no-untyped-def]
+    """How a path goes on from a surface, and where to; what it carries is changed accordingly."""
+    if rough_exit:
+        return _AWAY, lobe(n, 1.0)
+    if np.random.random() < s[_GLOSS]:
+        away = lobe(mirror, s[_EXPONENT])
+        leaving = dot(away, n)
+        carried *= leaving * (s[_EXPONENT] + 2) / (s[_EXPONENT] + 1)
+        return _AWAY if leaving > 0 else _LOST, away
+    if np.random.random() < s[_COAT]:
+        for c in range(3):
+            carried[c] *= _albedo(s, p, c)
+        return _AWAY, lobe(n, 1.0)
+    # Nothing bends the light at the boundary of a medium that is matched to the air.
+    return _INTO, d if s[_MATCHED] > 0 else lobe((-n[0], -n[1], -n[2]), 1.0)
+
+
+@njit
+def _any_way():  # type: ignore[no-untyped-def]
+    """A direction, each as likely as any other."""
+    z = 2 * np.random.random() - 1
+    phi = 2 * np.pi * np.random.random()
+    r = np.sqrt(max(1 - z * z, 0.0))
+    return r * np.cos(phi), r * np.sin(phi), z
 
 
 @njit
