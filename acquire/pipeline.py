@@ -230,9 +230,10 @@ class _Work:
         iva = Iva(self.options.n_components, self.options.n_iterations, self.options.smoothing_px)
         if chosen == "iva":
             return iva
-        if self.obstacle is None:
-            return Ranges(self.session, self.folder, self.profiles)
-        return Pairs(self.obstacle, None if chosen == "ranges" else iva)
+        ranges = Ranges(self.session, self.folder, self.profiles) if not self.obstacle else None
+        if ranges is not None and not all(len(one.frames) == 2 for one in self.stack.groups):
+            return ranges
+        return Pairs(self.obstacle, None if chosen == "ranges" else iva, ranges)
 
     def _gatherer(self, method: Method, observer: Observer, cluster: Cluster | None) -> Gatherer:
         leak, wanted, advance = self.options.leak, method.wants_harmonics, observer.advance

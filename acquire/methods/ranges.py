@@ -21,6 +21,7 @@ from processing.frames.harmonics import PitchHarmonics
 from processing.patterns import Family, Pattern
 from processing.ranges.decomposition import decompose_ranges
 from processing.ranges.result import RangeDecomposition
+from processing.ranges.two_positions import decompose_pairs
 
 HARMONICS = ".harmonics"
 # Where a projector's size was not recorded, its pixels are looked for within the largest there is.
@@ -63,7 +64,9 @@ class Ranges:
         path = self._folder / f"{design.family}-{design.pitch_px:04d}"
         with storage(path):
             self._folder.mkdir(exist_ok=True)
-        self._stack.join(gathered, ParkedImages.park(path, gathered.harmonics))
+        # Of a pair there is one difference.
+        kept = gathered.harmonics[:1] if design.is_pair else gathered.harmonics
+        self._stack.join(gathered, ParkedImages.park(path, kept))
 
     def decompose(
         self,
@@ -77,8 +80,9 @@ class Ranges:
         known = self._profiles.noise
         # Half of white passes a pattern.
         lines = None if known is None else np.stack([known.constant, known.slope / 2], axis=1)
+        decompose = decompose_pairs if self._stack.is_paired else decompose_ranges
         try:
-            found = decompose_ranges(
+            found = decompose(
                 self._stack,
                 separated.mask == PixelClass.MEASURED,
                 blur=self._profiles.blur,

@@ -26,6 +26,8 @@ class Parked(Protocol):
 class HarmonicsStack:
     """Takes in frames one at a time, in any order, and keeps a few images a pitch.
 
+    `is_paired` tells that every pitch has two frames, a pattern and its complement.
+
     Held are 4 images of the frames' shape a pitch, which may lie in files (4.4 GB for 23
     pitches of 4 megapixels in three colours; see `out` and `join`); 2 more for each pitch of which
     some but not all frames came; and 3 for all together.
@@ -57,6 +59,14 @@ class HarmonicsStack:
             raise ValueError("there is no pattern but white and black: nothing to gather")
         ordered = sorted(members, key=lambda key: (key[1], key[0]))
         self.designs = tuple(PitchDesign.of(tuple(members[key])) for key in ordered)
+        paired = [design for design in self.designs if design.is_pair]
+        if paired and len(paired) < len(self.designs):
+            raise ValueError(
+                f"{paired[0].family}:{paired[0].pitch_px} has two positions, other pitches have "
+                "more; leave out the ones or the others"
+            )
+        self.is_paired = bool(paired)
+        self._last_total: Image | None = None
         self.projector_px = projector_px
         wanted = (len(self.designs), 4, *shape)
         if out is not None and out.shape != wanted:
@@ -126,7 +136,37 @@ class HarmonicsStack:
             for y, null in enumerate(gathered.null):
                 self._power[y] += null**2
             self._n_power += 1
+        if design.is_pair:
+            self._compare_sums(gathered.total)
         self._waiting.discard(k)
+
+    def _compare_sums(self, total: Image) -> None:
+        """Sums of pairs are the same light: two of them differ by the noise of four frames."""
+        if self._last_total is None:
+            self._last_total = total.copy()
+            return
+        for y, one in enumerate(total):
+            self._power[y] += (0.5 * (one - self._last_total[y])) ** 2
+            self._last_total[y] = one
+        self._n_power += 1
+
+    def differences(self, lines: slice) -> Image:
+        """First less second frame of every pair, of some lines.
+
+        Parameters
+        ----------
+        lines
+            Which lines.
+
+        Returns
+        -------
+        float32, (pitches, lines, columns, colours).
+        """
+        self._check_complete()
+        every = slice(None)
+        return np.concatenate(
+            [self._harmonics[k][:1, lines, every] for k in range(len(self.designs))]
+        )
 
     def white(self) -> Image:
         """The scene under full light, float32, (height, width, colours).

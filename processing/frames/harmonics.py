@@ -12,6 +12,10 @@ with d or r absent, and nothing changes.
 
 A set of shifts that is no full grid is handled by least squares: the weights are those of the
 fit of 1, cos·cos, cos·sin, sin·cos and sin·sin over the shifts instead of the plain sums.
+
+Of a pattern along one direction and its complement, one pitch on, there is their difference alone,
+Z⁺ = Z⁻ = f − f', which is real and tells no phase: it is read as a bit of a binary code
+(`processing.ranges.two_positions`).
 """
 
 from __future__ import annotations
@@ -49,6 +53,8 @@ class PitchDesign:
         The shifts are all pairs of some shifts down and some to the right.
     is_balanced
         The mean over the frames is half of white.
+    is_pair
+        A pattern that varies along one direction, and its complement.
     """
 
     family: Family
@@ -58,6 +64,7 @@ class PitchDesign:
     null: NDArray[np.float64] | None
     is_grid: bool
     is_balanced: bool
+    is_pair: bool
 
     @classmethod
     def of(cls, patterns: Sequence[Pattern]) -> PitchDesign:
@@ -73,14 +80,16 @@ class PitchDesign:
         down_px = np.array([pattern.shift_y_px for pattern in patterns])
         right_px = np.array([pattern.shift_x_px for pattern in patterns])
         is_grid = len(set(down_px)) * len(set(right_px)) == len(patterns)
+        is_pair = _is_pair(patterns)
         return cls(
             family=family,
             pitch_px=pitch_px,
             patterns=tuple(patterns),
-            weights=_weights(family, down_px, right_px, pitch_px, is_grid),
+            weights=_weights(family, down_px, right_px, pitch_px, is_grid, is_pair=is_pair),
             null=null_weights(patterns),
             is_grid=is_grid,
             is_balanced=balanced(patterns),
+            is_pair=is_pair,
         )
 
     @property
@@ -96,6 +105,8 @@ def _weights(
     right_px: NDArray[np.int_],
     pitch_px: int,
     is_grid: bool,
+    *,
+    is_pair: bool,
 ) -> NDArray[np.float64]:
     down, right = np.pi * down_px / pitch_px, np.pi * right_px / pitch_px
     products = np.stack(
@@ -107,6 +118,8 @@ def _weights(
             sin(down) * sin(right),
         ]
     )
+    if is_pair:
+        return np.array([[1.0, 0.0, 1.0, 0.0], [-1.0, 0.0, -1.0, 0.0]])
     unknowns = np.linalg.matrix_rank(products)
     needed = 5 if family is Family.CHECKER else 3
     if unknowns < needed:
@@ -144,6 +157,14 @@ def null_weights(patterns: Sequence[Pattern]) -> NDArray[np.float64] | None:
         null[[first, second]] = 1.0 if sign % 2 else -1.0
     scaled: NDArray[np.float64] = null / np.sqrt(np.sum(null**2))
     return scaled
+
+
+def _is_pair(patterns: Sequence[Pattern]) -> bool:
+    """Of a checker's product of two waves the sign tells neither's."""
+    if len(patterns) != 2 or patterns[0].family is Family.CHECKER:
+        return False
+    first, second = patterns
+    return _form(first, first.pitch_px) == _form(second, 0)
 
 
 def _form(pattern: Pattern, advance_px: int) -> tuple[int, int]:

@@ -107,6 +107,8 @@ def pitch_phases(patterns: Sequence[Pattern], light: Array, variance: Array) -> 
         design = PitchDesign.of(patterns)
     except ValueError:
         return None
+    if design.is_pair:
+        return None
     family, pitch = design.family, design.pitch_px
     weights = design.weights[:, 0::2] + 1j * design.weights[:, 1::2]
     # Without the light that all frames have, which unequal lamps would spoil.

@@ -69,7 +69,7 @@ class PlaceFit:
         cls, tables: ResponseTables, accounts: tuple[Account, Account], noise_gains: Array
     ) -> PlaceFit:
         """What is the same for all pixels of a colour."""
-        columns, spans, members = _united(accounts)
+        columns, spans, members = united(accounts)
         one, other = (a.roles(m) for a, m in zip(accounts, members, strict=True))
         return cls(
             split_table(tables.down),
@@ -125,7 +125,7 @@ class PlaceFit:
         return one, other
 
 
-def _united(
+def united(
     accounts: tuple[Account, Account],
 ) -> tuple[Array, NDArray[np.int64], tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """The ranges of both accounts without repetition, in an order in which each has a span of them.

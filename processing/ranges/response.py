@@ -91,8 +91,8 @@ class ResponseTables:
             Gaussian. Cut to what the variance allows, w²/12.
         """
         spreads = np.asarray(spread_px, np.float64)
-        box_px = min(box_px, float(np.sqrt(12 * blur_px2)))
-        footprint = _Footprint(np.sqrt(spreads**2 + max(blur_px2 - box_px**2 / 12, 0.0)), box_px)
+        footprint = Footprint.of(spreads, blur_px2, box_px)
+        box_px = footprint.box_px
         down = [_table(design, footprint, down=True) for design in designs]
         right = [_table(design, footprint, down=False) for design in designs]
         sizes = [len(table) for table in down]
@@ -133,11 +133,23 @@ def carrier(design: PitchDesign, *, down: bool) -> complex:
 
 
 @dataclass(frozen=True, slots=True)
-class _Footprint:
+class Footprint:
     """A box, and a Gaussian of standard deviation `sigma_px` for each spread."""
 
     sigma_px: NDArray[np.float64]
     box_px: float
+
+    @classmethod
+    def of(
+        cls,
+        spread_px: Sequence[float] | NDArray[np.float64],
+        blur_px2: float,
+        box_px: float,
+    ) -> Footprint:
+        """Spreads seen through a blur; parameters as for `ResponseTables.of`."""
+        box_px = min(box_px, float(np.sqrt(12 * blur_px2)))
+        rest_px2 = max(blur_px2 - box_px**2 / 12, 0.0)
+        return cls(np.sqrt(np.asarray(spread_px, np.float64) ** 2 + rest_px2), box_px)
 
     def transform(self, rates: NDArray[np.float64]) -> NDArray[np.float64]:
         """(rates, spreads), rates in radians a pixel."""
@@ -146,7 +158,7 @@ class _Footprint:
         return reach * box[:, np.newaxis]
 
 
-def _table(design: PitchDesign, footprint: _Footprint, *, down: bool) -> NDArray[np.complex128]:
+def _table(design: PitchDesign, footprint: Footprint, *, down: bool) -> NDArray[np.complex128]:
     """(bins, spreads) of one pitch along one axis."""
     pitch_px = design.pitch_px
     places = np.arange(2 * pitch_px * BINS_PER_PX + 1) / BINS_PER_PX
@@ -160,7 +172,7 @@ def _table(design: PitchDesign, footprint: _Footprint, *, down: bool) -> NDArray
         phase = turned(begin - np.pi * places / pitch_px)
         return np.outer(phase, size * _amplitudes(design, footprint, np.ones(1))[0])
     shifts = sorted({p.shift_y_px if down else p.shift_x_px for p in design.patterns})
-    wave = _wave(design, places[:-1], footprint)
+    wave = code_wave(design, places[:-1], footprint)
     table = np.zeros((len(places), len(footprint.sigma_px)), np.complex128)
     for shift_px in shifts:
         turn = complex(turned(np.pi * shift_px / pitch_px))
@@ -184,7 +196,7 @@ def _aligned(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> N
 
 
 def _amplitudes(
-    design: PitchDesign, footprint: _Footprint, orders: NDArray[np.float64]
+    design: PitchDesign, footprint: Footprint, orders: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(orders, spreads) amplitudes of the wave's harmonics."""
     reach = footprint.transform(np.pi * orders / design.pitch_px)
@@ -194,8 +206,8 @@ def _amplitudes(
     return reach * sinc(0.5 / design.pitch_px)
 
 
-def _wave(
-    design: PitchDesign, places: NDArray[np.float64], footprint: _Footprint
+def code_wave(
+    design: PitchDesign, places: NDArray[np.float64], footprint: Footprint
 ) -> NDArray[np.float64]:
     """s(t), (places, spreads), t counted from the edge of the raster."""
     if not design.family.is_binary:

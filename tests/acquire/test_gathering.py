@@ -112,7 +112,7 @@ def test_whoever_stops_in_the_middle_waits_for_nothing_more(session: Session) ->
 
 
 def test_an_impossible_set_of_shifts_is_one_message(tmp_path: Path) -> None:
-    plan = small_plan('[pattern]\nfamily = "stripes-rows"\npitch_px = [8]\nshifts = [2, 1]\n')
+    plan = small_plan("[pattern]\npitch_px = [8]\nshifts = [2, 1]\n")
     bench = small_bench(camera_px=(32, 40), projector_px=(96, 128))
     session, _ = captured(tmp_path / "s", plan, bench)
     stack = Stack(session)

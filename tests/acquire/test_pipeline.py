@@ -258,8 +258,15 @@ def test_a_number_of_components_that_has_no_effect_is_said(sound: Session, tmp_p
         assert any("had no effect" in warning for warning in result.record.warnings)
 
 
-def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path) -> None:
-    text = '[pattern]\nfamily = "stripes-rows"\npitch_px = [8, 12, 16]\nshifts = [2, 1]\n'
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        pytest.param("pitch_px = [8, 12, 16]", id="checkers"),
+        pytest.param('family = "stripes-rows"\npitch_px = [8, 16]', id="two-pitches-of-stripes"),
+    ],
+)
+def test_where_the_default_cannot_work_iva_does_and_says_why(tmp_path: Path, pattern: str) -> None:
+    text = f"[pattern]\n{pattern}\nshifts = [2, 1]\n"
     session, _ = captured(tmp_path / "s", small_plan(text), small_bench(**SHARP))
     result = process(session, tmp_path / "r", Options(), Silent())
     assert result.record.method == "iva"
