@@ -115,12 +115,15 @@ def _bias(separated: SeparatedPitches, sample: FrameSample, noise: FrameNoise) -
     patterns = sample.patterns
     if not patterns[0].family.is_binary:
         return None
+    at = lattice(separated.mask.shape)
+    usable = separated.mask[at] == PixelClass.MEASURED
     white_reference = separated.references.white
     if white_reference is not None and not balanced(patterns):
         white_deviation = _white_deviation(separated, noise, white_reference.frames)
-        return _Bias(extrema_correction(len(patterns), white_deviation), None)
+        correction = extrema_correction(len(patterns), white_deviation)
+        white = separated.white[at].astype(np.float64)
+        return _Bias(correction, measured_kinds(sample, noise, usable, correction, white))
     correction = extrema_correction(len(patterns))
-    usable = separated.mask[lattice(separated.mask.shape)] == PixelClass.MEASURED
     return _Bias(correction, measured_kinds(sample, noise, usable, correction))
 
 

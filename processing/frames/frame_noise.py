@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from processing.frames.harmonics import null_weights
+from processing.frames.harmonics import complementary_pairs
 from processing.frames.noise_lines import noise_lines
 from processing.patterns import Pattern
 
@@ -23,10 +23,8 @@ Image: TypeAlias = NDArray[np.float32]
 Array: TypeAlias = NDArray[np.float64]
 
 _LATTICE_PIXELS = 9000
-_DRAWS = 3
 # Of what two ordered frames differ by, part that may have the other sign.
 _REVERSED = 0.01
-ADDED = (1.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,48 +96,19 @@ class FrameSample:
 
     @property
     def noise_variance(self) -> Array | None:
-        """(rows, columns, colours), one degree of freedom a pixel.
+        """(rows, columns, colours), from differences of successive pairs of complementary frames.
 
-        None where there are fewer than two complementary pairs of frames.
+        None where there are fewer than two pairs. A pair adds up to white; the lamp's slow drift
+        changes sums that follow one another but little (von Neumann et al., Annals of
+        Mathematical Statistics 12, 1941).
         """
-        weights = null_weights(self.patterns)
-        if weights is None:
+        pairs = complementary_pairs(self.patterns)
+        if len(pairs) < 2:
             return None
-        frames = (self._frames[one].astype(np.float64) for one in self.patterns)
-        total: Array = sum(w * frame for w, frame in zip(weights, frames, strict=True))
-        return total**2
-
-    def growth(self, noise: FrameNoise) -> tuple[Array, Array]:
-        """How much the range of the frames grows when further noise is added to them.
-
-        What is added to a frame follows its own light, as its noise does: lit frames are noisier
-        than dark ones, and noise of one and the same width would count for more in the dark.
-
-        Parameters
-        ----------
-        noise
-            Of a frame.
-
-        Returns
-        -------
-        swing, growth
-            (rows, columns, colours) and (2, rows, columns, colours), in units of the mean noise
-            of a lit and of a dark frame: largest less smallest frame, and its growth for added
-            noise of the variances `ADDED`, in units of each frame's own. The draws are the same
-            at every call.
-        """
         frames = self.frames
-        plain, level = np.ptp(frames, axis=0), frames.mean(axis=0)
-        lit, dark = (noise.deviation(level + end * plain / 2) for end in (1, -1))
-        unit = np.maximum((lit + dark) / 2, 1e-12)
-        own = noise.deviation(frames)
-        rng = np.random.default_rng(0)
-        grown = np.zeros((2, *plain.shape))
-        for _ in range(_DRAWS):
-            drawn = own * rng.standard_normal(frames.shape, np.float32)
-            for k, variance in enumerate(ADDED):
-                grown[k] += np.ptp(frames + np.sqrt(variance) * drawn, axis=0) - plain
-        return plain / unit, grown / (_DRAWS * unit)
+        sums = np.stack([frames[one] + frames[other] for one, other in pairs])
+        squares: Array = np.sum(np.diff(sums, axis=0) ** 2, axis=0)
+        return squares / (4 * (len(pairs) - 1))
 
 
 def lattice(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> tuple[slice, slice]:

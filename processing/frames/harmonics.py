@@ -143,12 +143,7 @@ def null_weights(patterns: Sequence[Pattern]) -> NDArray[np.float64] | None:
     Frames of complementary patterns have equal weight, the weights add up to 0 and their squares
     to 1: no light can reach the sum. None where there are fewer than two such pairs.
     """
-    index = {_form(pattern, 0): k for k, pattern in enumerate(patterns)}
-    pairs = [
-        (k, index[_form(pattern, pattern.pitch_px)])
-        for k, pattern in enumerate(patterns)
-        if index.get(_form(pattern, pattern.pitch_px), -1) > k
-    ]
+    pairs = complementary_pairs(patterns)
     pairs = pairs[: len(pairs) // 2 * 2]
     if not pairs:
         return None
@@ -165,6 +160,16 @@ def _is_pair(patterns: Sequence[Pattern]) -> bool:
         return False
     first, second = patterns
     return _form(first, first.pitch_px) == _form(second, 0)
+
+
+def complementary_pairs(patterns: Sequence[Pattern]) -> list[tuple[int, int]]:
+    """Places, first the earlier one, of patterns that are each other's complement."""
+    index = {_form(pattern, 0): k for k, pattern in enumerate(patterns)}
+    return [
+        (k, index[_form(pattern, pattern.pitch_px)])
+        for k, pattern in enumerate(patterns)
+        if index.get(_form(pattern, pattern.pitch_px), -1) > k
+    ]
 
 
 def _form(pattern: Pattern, advance_px: int) -> tuple[int, int]:

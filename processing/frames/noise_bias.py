@@ -1,7 +1,8 @@
 """How much noise adds to max/min and to amplitudes at a pixel, in units of a frame's noise.
 
 That depends on how many frames come near the extrema, and how near: on the kind of pixel. Where no
-place is known, the kind is recognised by what further noise adds.
+place is known, the kind is one whose bias is that of the pixels around
+(`processing.frames.bias_reading`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from processing.frames.frame_noise import ADDED, FrameNoise, FrameSample
+from processing.frames.bias_reading import reading_bias
+from processing.frames.frame_noise import FrameNoise, FrameSample
 from processing.frames.order_statistics import (
     STEP,
     IntervalTable,
@@ -34,13 +36,14 @@ _Kind: TypeAlias = tuple[IntervalTable, tuple[Array, Array]]
 # Parts of the lit frames that see a pixel evenly lit, and steps of contrast between the others.
 _EVEN_PARTS = (1.0, 0.72, 0.5, 0.33, 0.22, 0.11, 0.05)
 _STEPS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Direct light, in units of noise, from which the growth tells kinds apart.
+# Direct light, in units of noise, from which a pixel tells its bias.
 _TELLING = 6.0
-# By so much, in units of noise, the range of every kind is taken to be larger: of kinds that grow
-# nearly alike the one of less bias is then found, which is right more often.
-_LEAN = 0.125
-# Side of the window on the lattice over which the growth is averaged.
+# Side of the window on the lattice over which the bias is averaged.
 _NEAR = 5
+# Standard deviation of the bias among the pixels of a window, in units of noise: where there is
+# none, and where there is as much as an even plateau has. Chosen on simulated scenes (pitches 10,
+# 20, 44 and 88) and plateaus of any tilt.
+_UNEVEN = (0.48, 0.22)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +55,16 @@ class Correction:
     middle, half
         float64, (kinds, entries): `processing.frames.order_statistics.IntervalTable` for each kind
         of pixel; how many frames come near the extrema, and how near, makes the kind.
-    swing, growth
-        float64, (kinds, deltas) and (kinds, 2, deltas): `FrameSample.growth` to be expected.
+    delta
+        float64, (deltas,), direct light.
+    reading
+        float64, (kinds, deltas), what max/min reads there on average.
     """
 
     middle: Array
     half: Array
-    swing: Array
-    growth: Array
+    delta: Array
+    reading: Array
 
     @classmethod
     def of(cls, contrasts: Array, white_deviation: float | None = None) -> Correction:
@@ -93,40 +98,35 @@ class Correction:
     @classmethod
     def _stacked(cls, kinds: Sequence[_Kind]) -> Correction:
         rows = [table for table, _ in kinds]
-        means = [(delta, mean + _LEAN) for _, (delta, mean) in kinds]
         ratios = STEP * np.arange(max(len(row.middle) for row in rows), dtype=np.float64)
         filled = [row(ratios) for row in rows]
         middle, half = (np.stack([one[k] for one in filled]) for k in (0, 1))
-        growth = [[_grown(delta, mean, added) for added in ADDED] for delta, mean in means]
-        return cls(middle, half, np.array([mean for _, mean in means]), np.array(growth))
+        return cls(middle, half, kinds[0][1][0], np.stack([mean for _, (_, mean) in kinds]))
 
-    def kinds(self, light: Array, growth: Array) -> NDArray[np.int64]:
-        """Which kind each pixel of a lattice is, from what noise does to its neighbourhood.
+    @property
+    def uneven(self) -> Array:
+        """Standard deviation of the bias among neighbours of one kind, (kinds, entries)."""
+        taken = STEP * np.arange(self.middle.shape[1]) - self.middle
+        least, most = _UNEVEN
+        found: Array = least + (most - least) * np.clip(taken / taken[0], 0, 1)
+        return found
+
+    def kinds(self, reading: Array, bias: Array) -> NDArray[np.int64]:
+        """Which kind each pixel of a lattice is taken for: one that is biased as its neighbourhood.
 
         Parameters
         ----------
-        light
-            (rows, columns, colours), (max − min)/σ; 0 where a pixel is of no use.
-        growth
-            (2, rows, columns, colours), `FrameSample.growth`.
+        reading, bias
+            (rows, columns, colours), see `processing.frames.bias_reading.reading_bias`; a reading
+            of 0 where a pixel is of no use.
         """
-        counts = light > _TELLING
-        misfit = np.empty((len(self.middle), *light.shape))
-        for k, (mean, curves) in enumerate(zip(self.swing, self.growth, strict=True)):
-            off = [
-                np.where(counts, seen - np.interp(light, mean, curve), 0)
-                for seen, curve in zip(growth, curves, strict=True)
-            ]
-            misfit[k] = sum(_around(one) ** 2 for one in off)
+        counts = reading > _TELLING
+        misfit = np.empty((len(self.middle), *reading.shape))
+        for k, mean in enumerate(self.reading):
+            expected = np.interp(reading, mean, mean - self.delta)
+            misfit[k] = np.abs(_around(np.where(counts, bias - expected, 0)))
         found: NDArray[np.int64] = np.argmin(misfit, axis=0)
         return np.where(_around(counts.astype(float)) > 0, found, 0)
-
-
-def _grown(swing: Array, mean: Array, added: float) -> Array:
-    """Growth of the mean range: noise that is larger by ν is light that is smaller by ν."""
-    larger = np.sqrt(1 + added)
-    grown: Array = larger * np.interp(swing / larger, swing, mean) - mean
-    return grown
 
 
 def _around(image: Array) -> Array:
@@ -163,7 +163,11 @@ def extrema_correction(n_frames: int, white_deviation: float | None = None) -> C
 
 
 def measured_kinds(
-    sample: FrameSample, noise: FrameNoise, usable: NDArray[np.bool_], correction: Correction
+    sample: FrameSample,
+    noise: FrameNoise,
+    usable: NDArray[np.bool_],
+    correction: Correction,
+    white: Array | None = None,
 ) -> NDArray[np.int64]:
     """Kinds of the pixels of the lattice, for `extrema_estimate`.
 
@@ -177,7 +181,10 @@ def measured_kinds(
         bool, (rows, columns), True where a pixel of the lattice counts.
     correction
         The kinds.
+    white
+        (rows, columns, colours), the white frame where `correction` is for one that was made use
+        of.
     """
-    light, growth = sample.growth(noise)
-    counts = usable[..., np.newaxis] & np.isfinite(light)
-    return correction.kinds(np.where(counts, light, 0), growth)
+    reading, bias = reading_bias(sample, noise, white)
+    counts = usable[..., np.newaxis] & np.isfinite(reading)
+    return correction.kinds(np.where(counts, reading, 0), np.where(counts, bias, 0))

@@ -30,9 +30,9 @@ from processing.numerics.threads import in_threads
 Image: TypeAlias = NDArray[np.float32]
 Array: TypeAlias = NDArray[np.float64]
 
-# Standard deviation of the error of the bias, in units of noise, among the pixels of a window;
-# chosen on simulated scenes (sharp, pitches 10, 44, 72) and synthetic pixels, rather too wide.
-_KIND_SPREAD = 0.5
+# Standard deviation of the error of a measured bias, in units of the noise s of
+# `processing.frames.bias_reading`, of which max/min has it twice.
+_BIAS_DOUBT = 0.4
 # Values that are taken through all steps together, in the first cache.
 _TOGETHER = 512
 _LINES = 32
@@ -192,7 +192,7 @@ def _estimate(
     height, width, n_colors = white.shape
     measured = kinds.size > n_colors
     step = lattice_step(white.shape) if measured else max(white.shape)
-    half = np.sqrt(correction.half**2 + _KIND_SPREAD**2) if measured else correction.half
+    half = np.sqrt(correction.half**2 + correction.uneven**2) if measured else correction.half
     # Both of an entry side by side: they are looked up together.
     tables = np.stack([correction.middle, half], axis=-1).astype(np.float32)
     # The table of each value of a line: where it begins when they lie one after the other.
@@ -200,7 +200,10 @@ def _estimate(
     begins = np.ascontiguousarray(begins[:, :width]).reshape(len(kinds), width * n_colors)
     lines = np.stack([np.tile(one, width) for one in (noise.constant, noise.slope)])
     about = (lines.astype(np.float32), tables.reshape(-1, 2), tables.shape[1])
-    numbers = np.array([1 - leak, 1 / STEP, (1 + leak) / 2, gain, 1 / (1 - leak)], np.float32)
+    doubt = _BIAS_DOUBT if measured else 0.0
+    numbers = np.array(
+        [1 - leak, 1 / STEP, (1 + leak) / 2, gain, 1 / (1 - leak), doubt**2], np.float32
+    )
     estimated, deviation = np.empty(white.shape, np.float32), np.empty(white.shape, np.float32)
     images = [
         np.ascontiguousarray(image).reshape(height, width * n_colors)
@@ -253,7 +256,7 @@ def _correct(  # type: ignore[no-untyped-def]
 ):
     """Correct some lines, (lines, values), of which each has its kinds in one of `begins`."""
     (constant, slope), tables, entries = about
-    kept, per_step, level_of_white, gain, freed = numbers
+    kept, per_step, level_of_white, gain, freed, doubt = numbers
     half, zero = np.float32(0.5), np.float32(0)
     reading, level, unit, part, beyond, middle, width, lit, dark = np.empty(
         (9, _TOGETHER), np.float32
@@ -290,4 +293,6 @@ def _correct(  # type: ignore[no-untyped-def]
             for i in range(n):
                 found[i] = (middle[i] + beyond[i] / per_step) * unit[i] * freed
                 # Errors of the two extrema add up in squares, their biases as they are.
-                error[i] = width[i] * (gain * np.sqrt(half * (lit[i] + dark[i]))) * freed
+                both = lit[i] + dark[i]
+                square = width[i] * width[i] * (half * both) + doubt * (lit[i] * dark[i] / both)
+                error[i] = gain * np.sqrt(square) * freed
