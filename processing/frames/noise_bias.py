@@ -44,6 +44,9 @@ _NEAR = 5
 # none, and where there is as much as an even plateau has. Chosen on simulated scenes (pitches 10,
 # 20, 44 and 88) and plateaus of any tilt.
 _UNEVEN = (0.48, 0.22)
+# Where white was made use of, all of the bias is carried on from its growth: standard deviation of
+# the error of that.
+_GROWTH_DOUBT = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +58,8 @@ class Correction:
     middle, half
         float64, (kinds, entries): `processing.frames.order_statistics.IntervalTable` for each kind
         of pixel; how many frames come near the extrema, and how near, makes the kind.
+    uneven
+        float64, (kinds, entries), standard deviation of the bias among neighbours of one kind.
     delta
         float64, (deltas,), direct light.
     reading
@@ -63,18 +68,18 @@ class Correction:
 
     middle: Array
     half: Array
+    uneven: Array
     delta: Array
     reading: Array
 
     @classmethod
-    def of(cls, contrasts: Array, white_deviation: float | None = None) -> Correction:
+    def of(cls, contrasts: Sequence[Array], white_deviation: float | None = None) -> Correction:
         """Correction of max/min for pixels with known contrasts.
 
         Parameters
         ----------
         contrasts
-            (frames,) at the place of a pixel, see `processing.frames.footprint`; or (kinds,
-            frames).
+            Of each kind of pixel (frames,) at its place, see `processing.frames.footprint`.
         white_deviation
             None where direct light is max − min; where white was made use of,
             2 max(max f, W − min f) − W, the standard deviation of its noise over that of a frame.
@@ -86,7 +91,8 @@ class Correction:
             distribution = complemented_distribution(kind, white_deviation)
             return IntervalTable.of([distribution]), mean_range(distribution)
 
-        return cls._stacked(in_threads(of_kind, list(np.atleast_2d(contrasts))))
+        doubt = 0.0 if white_deviation is None else _GROWTH_DOUBT
+        return cls._stacked(in_threads(of_kind, contrasts), doubt)
 
     @classmethod
     def of_amplitude(cls) -> Correction:
@@ -96,20 +102,16 @@ class Correction:
         )
 
     @classmethod
-    def _stacked(cls, kinds: Sequence[_Kind]) -> Correction:
+    def _stacked(cls, kinds: Sequence[_Kind], doubt: float = 0.0) -> Correction:
         rows = [table for table, _ in kinds]
         ratios = STEP * np.arange(max(len(row.middle) for row in rows), dtype=np.float64)
         filled = [row(ratios) for row in rows]
         middle, half = (np.stack([one[k] for one in filled]) for k in (0, 1))
-        return cls(middle, half, kinds[0][1][0], np.stack([mean for _, (_, mean) in kinds]))
-
-    @property
-    def uneven(self) -> Array:
-        """Standard deviation of the bias among neighbours of one kind, (kinds, entries)."""
-        taken = STEP * np.arange(self.middle.shape[1]) - self.middle
         least, most = _UNEVEN
-        found: Array = least + (most - least) * np.clip(taken / taken[0], 0, 1)
-        return found
+        part = np.clip((ratios - middle) / (ratios - middle[0]), 0, 1)
+        uneven = np.hypot(least + (most - least) * part, doubt)
+        delta, reading = kinds[0][1][0], np.stack([mean for _, (_, mean) in kinds])
+        return cls(middle, half, uneven, delta, reading)
 
     def kinds(self, reading: Array, bias: Array) -> NDArray[np.int64]:
         """Which kind each pixel of a lattice is taken for: one that is biased as its neighbourhood.
@@ -151,15 +153,21 @@ def extrema_correction(n_frames: int, white_deviation: float | None = None) -> C
     white_deviation
         See `Correction.of`.
     """
-    half = max(n_frames // 2, 1)
-    even = sorted({max(1, round(half * part)) for part in _EVEN_PARTS}, reverse=True)
+    # With white every frame stands beside every other, without it only lit ones beside lit ones.
+    alike = max(n_frames // 2, 1) if white_deviation is None else n_frames
+    even = sorted({max(1, round(alike * part)) for part in _EVEN_PARTS}, reverse=True)
+    if white_deviation is not None:
+        # Lit frames are noisier than the mean: their bias is that of more frames of mean noise.
+        even += [2 * alike, 4 * alike]
     kinds = []
     for n_even in even:
-        for step in _STEPS if n_even < half else _STEPS[:1]:
-            falling = np.maximum(1 - step * np.arange(1, half - n_even + 1), 0.0)
-            lit = np.concatenate([np.ones(n_even), falling])
-            kinds.append(np.concatenate([lit, -lit]))
-    return Correction.of(np.stack(kinds), white_deviation)
+        for step in _STEPS if n_even < alike else _STEPS[:1]:
+            falling = np.maximum(1 - step * np.arange(1, alike - n_even + 1), 0.0)
+            kinds.append(np.concatenate([np.ones(n_even), falling]))
+    if white_deviation is None:
+        return Correction.of([np.concatenate([lit, -lit]) for lit in kinds])
+    turned = [lit * (-1.0) ** np.arange(len(lit)) for lit in kinds]
+    return Correction.of(turned, white_deviation)
 
 
 def measured_kinds(
