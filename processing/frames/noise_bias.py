@@ -43,7 +43,7 @@ _NEAR = 5
 # Standard deviation of the bias among the pixels of a window, in units of noise: where there is
 # none, and where there is as much as an even plateau has. Chosen on simulated scenes (pitches 10,
 # 20, 44 and 88) and plateaus of any tilt.
-_UNEVEN = (0.48, 0.22)
+_UNEVEN = (0.47, 0.18)
 # Where white was made use of, all of the bias is carried on from its growth: standard deviation of
 # the error of that.
 _GROWTH_DOUBT = 0.4
@@ -73,13 +73,16 @@ class Correction:
     reading: Array
 
     @classmethod
-    def of(cls, contrasts: Sequence[Array], white_deviation: float | None = None) -> Correction:
+    def of(
+        cls, contrasts: Array | Sequence[Array], white_deviation: float | None = None
+    ) -> Correction:
         """Correction of max/min for pixels with known contrasts.
 
         Parameters
         ----------
         contrasts
-            Of each kind of pixel (frames,) at its place, see `processing.frames.footprint`.
+            (frames,) at the place of a pixel, see `processing.frames.footprint`; or those of
+            several kinds of pixels.
         white_deviation
             None where direct light is max − min; where white was made use of,
             2 max(max f, W − min f) − W, the standard deviation of its noise over that of a frame.
@@ -91,8 +94,9 @@ class Correction:
             distribution = complemented_distribution(kind, white_deviation)
             return IntervalTable.of([distribution]), mean_range(distribution)
 
+        several = [contrasts] if isinstance(contrasts, np.ndarray) else contrasts
         doubt = 0.0 if white_deviation is None else _GROWTH_DOUBT
-        return cls._stacked(in_threads(of_kind, contrasts), doubt)
+        return cls._stacked(in_threads(of_kind, several), doubt)
 
     @classmethod
     def of_amplitude(cls) -> Correction:
@@ -108,7 +112,7 @@ class Correction:
         filled = [row(ratios) for row in rows]
         middle, half = (np.stack([one[k] for one in filled]) for k in (0, 1))
         least, most = _UNEVEN
-        part = np.clip((ratios - middle) / (ratios - middle[0]), 0, 1)
+        part = np.clip((ratios - middle) / np.maximum(ratios - middle[0], 1e-9), 0, 1)
         uneven = np.hypot(least + (most - least) * part, doubt)
         delta, reading = kinds[0][1][0], np.stack([mean for _, (_, mean) in kinds])
         return cls(middle, half, uneven, delta, reading)

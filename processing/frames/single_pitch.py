@@ -32,7 +32,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 # Standard deviation of the error of a measured bias, in units of the noise s of
 # `processing.frames.bias_reading`, of which max/min has it twice.
-_BIAS_DOUBT = 0.4
+_BIAS_DOUBT = 0.45
 # Values that are taken through all steps together, in the first cache.
 _TOGETHER = 512
 _LINES = 32

@@ -51,6 +51,13 @@ class Sensor:
         red, green, other, blue = np.moveaxis(counts, -1, 0)
         return np.stack([red, (green + other) / 2, blue], axis=-1).astype(np.float32)
 
+    @property
+    def noise(self) -> FrameNoise:
+        """As a calibration would find it; rounding has the variance 1/12."""
+        sites = np.array([1, 0.5, 1])
+        constant = (self.read_noise_e / self.full_well_e) ** 2 + 1 / 12 / 16383**2
+        return FrameNoise(sites * constant, sites / self.full_well_e)
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -77,8 +84,8 @@ class Shot:
             slope.add(frame, one)
             sample.add(frame, pattern)
         lit = self.sensor.expose(rng, white)
-        assert sample.noise_variance is not None
-        noise = noise_of([sample.noise_variance], lit, EVERYWHERE)
+        variance = sample.noise_variance
+        noise = self.sensor.noise if variance is None else noise_of([variance], lit, EVERYWHERE)
         swing = direct * np.ptp(seen, axis=0) / 2
         return Seen(white, direct, swing, lit, noise, extrema, waves, slope, sample)
 
@@ -104,18 +111,14 @@ def waves(family: Family, pitch_px: int, count: int) -> tuple[Pattern, ...]:
     return tuple(Pattern(family, pitch_px, 0, 2 * pitch_px * k // count) for k in range(count))
 
 
-def assert_covers(estimate: Estimate, truth: Array, white: Array, above: float = TOLERANCE) -> None:
-    """At all pixels, at dark and bright ones, and at those with little direct light; by colour."""
+def assert_covers(estimate: Estimate, truth: Array, white: Array) -> None:
+    """In each colour, and at dark and bright pixels and those with little direct light, if any."""
     held = np.abs(estimate.direct_light - truth[..., np.newaxis]) <= estimate.deviation
-    shares = {
-        "all": held.mean(axis=(0, 1)),
-        "dark": held[white < 0.08].mean(),
-        "bright": held[white > 0.4].mean(),
-        "hardly direct": held[truth < 0.1 * white].mean(),
-    }
-    for name, share in shares.items():
+    some = {"dark": white < 0.08, "bright": white > 0.4, "hardly direct": truth < 0.1 * white}
+    shares = {name: held[those].mean() for name, those in some.items() if those.any()}
+    for name, share in {"all": held.mean(axis=(0, 1)), **shares}.items():
         assert np.all(share >= RATE - TOLERANCE), (name, share)
-        assert np.all(share <= RATE + above), (name, share)
+        assert np.all(share <= RATE + TOLERANCE), (name, share)
 
 
 # Of full scale, at half light: 20 000 electrons 0.5 %, 1 300 electrons 2 %, 200 000 0.16 %.
@@ -136,10 +139,8 @@ CAMERA = Sensor(20_000, 5)
 def test_errors_of_corrected_extrema_cover_the_truth(shot: Shot) -> None:
     """Nothing but the frames is known: not the noise, nor the places, nor the footprint.
 
-    0.68 ± 0.03 is asked for, and its lower end is kept. Neighbours see different parts of the
-    pattern, and what is measured around a pixel fits it only on average: a bias of 0.20 to 0.30
-    of the error was measured, and errors are widened for it, so that they hold at up to 0.73.
-    These bounds were set with the measurement known.
+    Neighbours see different parts of the pattern, and what is measured around a pixel fits it only
+    on average.
     """
     seen = shot.run()
     plain = seen.extrema.separate().direct_light
@@ -147,15 +148,16 @@ def test_errors_of_corrected_extrema_cover_the_truth(shot: Shot) -> None:
     at = lattice(SHAPE)
     kinds = measured_kinds(seen.sample, seen.noise, EVERYWHERE[at], correction)
     estimate = extrema_estimate(plain, seen.lit, seen.noise, correction, kinds=kinds)
-    assert_covers(estimate, seen.swing, seen.white, above=0.07)
+    assert_covers(estimate, seen.swing, seen.white)
     off = (estimate.direct_light - seen.swing[..., np.newaxis]) / estimate.deviation
     raw = (plain - seen.swing[..., np.newaxis]) / estimate.deviation
     assert abs(off.mean()) < 0.5
     assert raw.mean() > 1
 
 
-@pytest.mark.parametrize("count", [4, 8])
+@pytest.mark.parametrize("count", [3, 4, 5, 8])
 def test_errors_of_sinusoids_cover_the_truth(count: int) -> None:
+    """Of 3 and 5 shifts, none of which has a complement, the noise is that of a calibration."""
     shot = Shot(waves(Family.SINUSOID_COLUMNS, 24, count), 2.0, CAMERA)
     seen = shot.run()
     estimate = amplitude_estimate(
@@ -168,7 +170,16 @@ def test_errors_of_sinusoids_cover_the_truth(count: int) -> None:
     assert_covers(estimate, damped, seen.white)
 
 
-@pytest.mark.parametrize("patterns", [checkers(8), checkers(48, (4, 2))], ids=["36", "8"])
+@pytest.mark.parametrize(
+    "patterns",
+    [
+        pytest.param(checkers(8), id="36"),
+        pytest.param(checkers(48, (4, 2)), id="8"),
+        pytest.param(waves(Family.STRIPES_COLUMNS, 25, 5), id="5"),
+        pytest.param(waves(Family.STRIPES_COLUMNS, 24, 4), id="4"),
+        pytest.param(waves(Family.STRIPES_COLUMNS, 24, 3), id="3"),
+    ],
+)
 def test_errors_of_correlation_with_known_places_cover_the_truth(
     patterns: tuple[Pattern, ...],
 ) -> None:
@@ -179,23 +190,38 @@ def test_errors_of_correlation_with_known_places_cover_the_truth(
     assert abs(off.mean()) < 0.02
 
 
-def test_white_stands_in_for_missing_complements() -> None:
-    """Three of four shifts of stripes: max and min alone would miss pixels."""
-    patterns = waves(Family.STRIPES_COLUMNS, 24, 8)[:5]
+@pytest.mark.parametrize("tilt", [0.0, 0.03], ids=["even", "tilted"])
+@pytest.mark.parametrize("count", [3, 5])
+def test_white_stands_in_for_missing_complements(count: int, tilt: float) -> None:
+    """Some of eight shifts of stripes: max and min alone would miss pixels.
+
+    Light that travelled over half a period tilts the plateaus by up to three times the noise.
+    """
+    patterns = waves(Family.STRIPES_COLUMNS, 24, 8)[:count]
     rng = np.random.default_rng(2)
-    white, sigma = np.full(SHAPE, 0.5), 0.01
+    sigma, places = 0.01, rng.uniform(0, 48, (2, *SHAPE))
     direct = rng.uniform(0, 0.5, SHAPE)
-    places = rng.uniform(0, 48, (2, *SHAPE))
-    extrema = ExtremaSeparation((*SHAPE, 3))
-    for one in patterns:
-        light = white / 2 + direct / 2 * contrast(one, places)
-        extrema.add((light[..., np.newaxis] + rng.normal(0, sigma, (*SHAPE, 3))).astype(np.float32))
-    lit = (white[..., np.newaxis] + rng.normal(0, sigma, (*SHAPE, 3))).astype(np.float32)
-    plain = extrema.separate(lit).direct_light
+    travelled = [Pattern(Family.SINUSOID_COLUMNS, 24, 0, one.shift_x_px) for one in patterns]
+    light = np.stack(
+        [
+            0.25 + direct / 2 * contrast(one, places) + tilt * contrast(other, places)
+            for one, other in zip(patterns, travelled, strict=True)
+        ]
+    )
+    frames = light[..., np.newaxis] + rng.normal(0, sigma, (*light.shape, 3))
+    extrema, sample = ExtremaSeparation((*SHAPE, 3)), FrameSample(patterns)
+    for one, frame in zip(patterns, frames.astype(np.float32), strict=True):
+        extrema.add(frame)
+        sample.add(frame, one)
+    lit = (0.5 + rng.normal(0, sigma, (*SHAPE, 3))).astype(np.float32)
     noise = FrameNoise(np.full(3, sigma**2), np.zeros(3))
-    correction = extrema_correction(len(patterns), 1.0)
-    estimate = extrema_estimate(plain, lit, noise, correction)
-    assert_covers(estimate, direct, np.where(rng.random(SHAPE) < 0.5, 0.05, 0.5))
+    correction, at = extrema_correction(len(patterns), 1.0), lattice(SHAPE)
+    kinds = measured_kinds(sample, noise, EVERYWHERE[at], correction, lit[at].astype(np.float64))
+    estimate = extrema_estimate(
+        extrema.separate(lit).direct_light, lit, noise, correction, kinds=kinds
+    )
+    truth = np.abs(2 * light - 0.5).max(axis=0)
+    assert_covers(estimate, truth, np.full(SHAPE, 0.5))
 
 
 @pytest.mark.parametrize("swing", [0.0, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0])
