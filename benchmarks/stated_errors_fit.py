@@ -24,6 +24,7 @@ from benchmarks.rendered_captures import captures, kept_in
 from benchmarks.rendered_scenes import BASELINES, HELD_OUT, TUNED_ON
 from processing.ranges.decomposition import fit_ranges
 from processing.ranges.result import NAMES
+from processing.ranges.shares import unsharpness
 from processing.ranges.stated_errors import COEFFICIENTS, SIGNS, defocus_px2
 
 Array = NDArray[np.float64]
@@ -71,7 +72,8 @@ def samples(scene: str, baseline: str, condition: str, cache: Path) -> list[Samp
     fitted = fit_ranges(run.stack, run.mask)
     lit = np.maximum(fitted.capture.white, 0)
     colours = [
-        fitted.fits.colour(fitted.found, run.mask, lit, colour) for colour in range(lit.shape[2])
+        fitted.fits.colour(fitted.found, run.mask, lit, colour, unsharpness(blur))
+        for colour, blur in enumerate(fitted.capture.blur)
     ]
     chosen = []
     for index, name in enumerate(NAMES):

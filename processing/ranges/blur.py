@@ -32,6 +32,8 @@ PIXEL_PX2 = 1 / 12
 # is known.
 _MODE_ERROR_PX2 = 0.05
 _CAMERA_ERROR_PX2 = 0.5
+# A blur is right to this part of it, and a pixel's footprint, texture within it, to that.
+_BLUR_ERROR, _FOOTPRINT_ERROR = 0.02, 0.06
 _BINS = 12
 _LEAST_BIN = 200
 _REWEIGHTED = 10
@@ -82,6 +84,13 @@ class Blur:
     footprint_px2: float = 1.0
     deviations_px2: tuple[float, float] = (0.0, 0.0)
     camera_deviation_px2: float = 0.0
+
+    @property
+    def error_px2(self) -> float:
+        """Standard error of the variance at a single pixel: its footprint is seen by the camera."""
+        camera_px2 = self.camera_px2 * self.footprint_px2
+        parts = np.array([_BLUR_ERROR * self.side_px2, _FOOTPRINT_ERROR * camera_px2])
+        return float(np.sqrt(np.sum(parts**2)))
 
     def deviations(self, footprint: Array) -> Array:
         """Standard errors of `side_px2` and `skew_px2`, (n, 2), at (3, n) footprints."""

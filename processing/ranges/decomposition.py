@@ -9,7 +9,7 @@ The default decomposition. One pass over the frames leaves two complex images a 
    of travel, once as an opaque and once as a translucent surface would have it
    (`processing.ranges.pixels`, `processing.ranges.accounts`);
 4. the evidence between the two decides where there is subsurface scattering at all
-   (`processing.ranges.scattering`).
+   (`processing.ranges.regions`).
 
 Direct light is the light of range 0. Unlike α of Subpa-asa et al., which all pixels share, every
 pixel has its own spectrum of ranges.
@@ -43,6 +43,7 @@ from processing.ranges.optics import (
     tables_for,
 )
 from processing.ranges.pixels import PlaceFit
+from processing.ranges.regions import Signs, translucent_map
 from processing.ranges.result import (
     Capture,
     Fits,
@@ -51,7 +52,7 @@ from processing.ranges.result import (
     blocks_with,
     lattice,
 )
-from processing.ranges.scattering import RivalFits, Signs, translucent_map
+from processing.ranges.scattering import RivalFits
 from processing.ranges.slopes import slope_noise_gain, told_of_blur
 from processing.remarks import Remark
 
@@ -142,8 +143,8 @@ def fit_ranges(
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     place_fits = tuple(PlaceFit.of(one, accounts, gains) for one in tables)
     optics = SceneOptics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
-    told = told_of_blur(pitch_px, float(np.mean([one.side_px2 for one in blur])))
-    near = Signs(mask.shape, told)
+    told = told_of_blur(pitch_px, float(np.mean([one.error_px2 for one in blur])))
+    near = Signs(mask.shape, told, float(pitch_px.min()))
     fits, coherence, seen = _fit_blocks(stack, white, mask, optics, near, progress)
     places: Image = seen.mean(axis=-1)
     settled, suspects = _settle_edges(stack, white, seen, places, mask, optics, fits, progress)

@@ -199,7 +199,7 @@ class _Fit:
                     np.ascontiguousarray(seen.variance[:, colour]),
                     setting.noise_gains,
                     _mean_energy(tables),
-                    model_errors(tables.pitch_px, tables.blur_px2),
+                    model_errors(tables.pitch_px, tables.blur_error_px2),
                 )
             )
         direct, error, chi2, left = zip(*fits, strict=True)

@@ -24,6 +24,7 @@ from processing.numerics.rows import Rows
 from processing.patterns import Family
 from processing.ranges.accounts import Account, opaque, spread_grid, translucent
 from processing.ranges.blur import BLUR_UNSURE, Blur, shorth
+from processing.ranges.regions import translucent_map
 from processing.ranges.result import (
     Capture,
     Fits,
@@ -33,7 +34,7 @@ from processing.ranges.result import (
     lattice,
 )
 from processing.ranges.row_fit import RowErrors, fit_rows
-from processing.ranges.scattering import RivalFits, translucent_map
+from processing.ranges.scattering import RivalFits
 from processing.ranges.slopes import model_errors
 from processing.remarks import Remark
 

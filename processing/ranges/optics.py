@@ -119,5 +119,6 @@ def tables_for(
 ) -> tuple[ResponseTables, ...]:
     """Tables of all spreads, one for each colour."""
     return tuple(
-        ResponseTables.of(stack.designs, spread_px, one.side_px2, one.box_px) for one in blur
+        ResponseTables.of(stack.designs, spread_px, one.side_px2, one.box_px, one.error_px2)
+        for one in blur
     )

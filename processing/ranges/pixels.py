@@ -81,7 +81,7 @@ class PlaceFit:
             (one, other),
             members,
             noise_gains,
-            model_errors(tables.pitch_px, tables.blur_px2),
+            model_errors(tables.pitch_px, tables.blur_error_px2),
         )
 
     def fitted(

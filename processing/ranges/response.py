@@ -52,9 +52,10 @@ class ResponseTables:
         (spreads,), standard deviations; the first, 0, is light that does not travel.
     varies
         float64, (pitches, 2): 1 where the patterns vary down or to the right, else 0.
-    blur_px2, box_px
-        Variance a side of the blur that everything is seen through, and the width of the uniform
-        part of it.
+    blur_error_px2
+        Standard error of the variance a side of the blur that everything is seen through.
+    box_px
+        Width of the uniform part of that blur.
     """
 
     down: NDArray[np.complex128]
@@ -65,7 +66,7 @@ class ResponseTables:
     pitch_px: NDArray[np.float64]
     spread_px: NDArray[np.float64]
     varies: NDArray[np.float64]
-    blur_px2: float
+    blur_error_px2: float
     box_px: float
 
     @classmethod
@@ -75,6 +76,7 @@ class ResponseTables:
         spread_px: Sequence[float] | NDArray[np.float64],
         blur_px2: float,
         box_px: float = 0.0,
+        blur_error_px2: float = 0.0,
     ) -> ResponseTables:
         """Tables for all pitches of a session.
 
@@ -89,6 +91,8 @@ class ResponseTables:
         box_px
             Width of the part of the blur that a camera pixel makes: its weight is uniform, not
             Gaussian. Cut to what the variance allows, w²/12.
+        blur_error_px2
+            `processing.ranges.blur.Blur.error_px2`.
         """
         spreads = np.asarray(spread_px, np.float64)
         footprint = Footprint.of(spreads, blur_px2, box_px)
@@ -105,7 +109,7 @@ class ResponseTables:
             np.array([design.pitch_px for design in designs], np.float64),
             spreads,
             np.array([[d.family.varies_down, d.family.varies_right] for d in designs], np.float64),
-            blur_px2,
+            blur_error_px2,
             box_px,
         )
 

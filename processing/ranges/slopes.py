@@ -24,27 +24,25 @@ Array = NDArray[np.float64]
 # a board, which has direct light alone, D is off by 0.3 to 2 %. Light from afar is less like its
 # Gaussian spreads the wider the pattern: it grows as the root of the pitch.
 _MODEL_ERROR = 0.01
-# The blur's variance is right to this part of it.
-_BLUR_ERROR = 0.02
 
 
-def model_errors(pitch_px: Array, blur_px2: float = 0.0) -> Array:
+def model_errors(pitch_px: Array, blur_error_px2: float = 0.0) -> Array:
     """Standard deviation of D/white that is laid to the model, (pitches,).
 
     Parameters
     ----------
     pitch_px
         (pitches,).
-    blur_px2
-        Variance a side of the blur that is corrected for; its error bends fine pitches.
+    blur_error_px2
+        `processing.ranges.blur.Blur.error_px2`, which bends fine pitches.
     """
     shape = _MODEL_ERROR * np.sqrt(pitch_px / pitch_px.min())
-    bent = _BLUR_ERROR * blur_px2 * (np.pi / pitch_px) ** 2
+    bent = blur_error_px2 * (np.pi / pitch_px) ** 2
     errors: Array = hypot(shape, bent)
     return errors
 
 
-def told_of_blur(pitch_px: Array, blur_px2: float) -> float:
+def told_of_blur(pitch_px: Array, blur_error_px2: float) -> float:
     """What a blur leaves of the χ² by which light of short range shows, in (0, 1].
 
     Short ranges and blur alike bend D(P)/white as (π/P)², which counts by its square over the
@@ -52,12 +50,12 @@ def told_of_blur(pitch_px: Array, blur_px2: float) -> float:
 
     Parameters
     ----------
-    pitch_px, blur_px2
+    pitch_px, blur_error_px2
         As for `model_errors`.
     """
     bend = (np.pi / pitch_px) ** 2
     left, all_of_it = (
-        float(np.sum((bend / model_errors(pitch_px, variance)) ** 2)) for variance in (blur_px2, 0)
+        float(np.sum((bend / model_errors(pitch_px, error)) ** 2)) for error in (blur_error_px2, 0)
     )
     return left / all_of_it
 

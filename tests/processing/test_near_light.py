@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from processing.frames.gathering import HarmonicsStack
 from processing.patterns import Family, Pattern, shift_grid
 from processing.ranges.near_light import NearLight
+from processing.ranges.regions import Signs, translucent_map
 from processing.ranges.response import ResponseTables
-from processing.ranges.scattering import Signs, translucent_map
 from processing.ranges.slopes import told_of_blur
 from tests.processing.light import PITCHES_PX, PROJECTOR_PX, checkers
 
@@ -107,7 +107,7 @@ def scene(excess_px2: NDArray[np.float64]) -> NDArray[np.bool_]:
     shape = excess_px2.shape
     gain = np.zeros(shape, np.float32)
     gain[20:40, 20:40] = 30
-    signs = Signs(shape, 1.0)
+    signs = Signs(shape, 1.0, 8.0)
     none = np.zeros(excess_px2.size)
     signs.add(
         slice(0, shape[0]),
