@@ -179,9 +179,10 @@ class RivalFits:
         noise, misfits = np.where(found, errors[1], errors[0]) * lit
         own = _parts(direct, scattered, lit, found)
         told = signs(misfits, own, rival, scattered, found, mask)
-        shared = smoothed(direct, lit, found, unsharp)
-        shared = smoothed(shared, lit, mask & ~found, unsharp, freed=unsharp)
-        below = smoothed(scattered, lit - direct, found, unsharp, of=lit - shared)
+        # Coats and highlights have edges as far as the camera sees any; what scatters has none.
+        shared = smoothed(direct, lit, found, edges=1 - unsharp)
+        shared = smoothed(shared, lit, mask & ~found, edges=1 - unsharp, freed=unsharp)
+        below = smoothed(scattered, lit - direct, found, of=lit - shared)
         return ChosenColour(_parts(shared, below, lit, found), noise, told)
 
 

@@ -37,8 +37,8 @@ def smoothed(
     part: Image,
     whole: Image,
     region: NDArray[np.bool_],
-    unsharp: float,
     *,
+    edges: float = 0.0,
     freed: float = 1.0,
     of: Image | None = None,
 ) -> Image:
@@ -47,9 +47,7 @@ def smoothed(
     The mean share over 5 × 5 pixels of the region, and of what the pixel's own differs from it the
     part that is no scatter: 1 − (scatter)/(variance), both over 5 × 5 (J.-S. Lee, Digital image
     enhancement and noise filtering by use of local statistics, IEEE Trans. Pattern Anal. Mach.
-    Intell. 2, 1980). Scatter is what a pixel differs by from the mean of two opposite neighbours:
-    in those two of four directions in which it does least, as an edge makes it large across; in
-    all of them as far as the camera is out of focus, when nothing has edges.
+    Intell. 2, 1980, with the noise taken from the neighbours).
 
     Parameters
     ----------
@@ -57,8 +55,9 @@ def smoothed(
         float32, (height, width), 0 ≤ part ≤ whole.
     region
         bool, (height, width): pixels that are freed, by each other.
-    unsharp
-        `unsharpness` of the colour.
+    edges
+        How far the share may have edges, from 0 to 1, beside which neighbours differ without
+        scatter.
     freed
         What of the scatter is taken away, from 0 to 1.
     of
@@ -72,14 +71,14 @@ def smoothed(
     if not boxes or freed == 0:
         return part
     box = boxes[0]
-    share = _share(part[box], whole[box], region[box], unsharp, freed)
+    share = _share(part[box], whole[box], region[box], edges, freed)
     found = part.copy()
     found[box] = np.where(region[box], share * (whole if of is None else of)[box], part[box])
     return found
 
 
 def _share(
-    part: Image, whole: Image, region: NDArray[np.bool_], unsharp: float, freed: float
+    part: Image, whole: Image, region: NDArray[np.bool_], edges: float, freed: float
 ) -> Array:
     weight = np.where(region, whole, 0).astype(np.float64)
     mine = np.where(region, part, 0).astype(np.float64)
@@ -87,16 +86,29 @@ def _share(
     wide = np.maximum(_mean(weight), _DARK)
     mean = _mean(mine) / wide
     variance = _mean(weight * (own - mean) ** 2) / wide
-    taken = freed * np.minimum(_scatter(own, weight, region, unsharp) / (variance + _DARK), 1)
+    scatter = np.zeros_like(own)
+    if edges < 1:
+        scatter += (1 - edges) * _from_neighbours(own, mine, weight) / wide
+    if edges > 0:
+        scatter += edges * _along_edges(own, np.where(_inner(region), weight, 0))
+    taken = freed * np.minimum(scatter / np.maximum(variance, 1e-12), 1)
     share: Array = np.clip(own + taken * (mean - own), 0, 1)
     return share
 
 
-def _scatter(own: Array, weight: Array, region: NDArray[np.bool_], unsharp: float) -> Array:
-    """Variance of scatter over 5 × 5 pixels; 0 where none has all its neighbours in the region."""
-    inner = ndimage.binary_erosion(region, np.ones((3, 3), bool))
-    counted = np.where(inner, weight, 0)
-    around = _mean(counted)
+def _from_neighbours(own: Array, mine: Array, weight: Array) -> Array:
+    """Scatter where nothing has edges: a pixel against the mean of its eight neighbours."""
+    beside = 9 * _mean(weight, 3) - weight
+    others = np.where(beside > _DARK, (9 * _mean(mine, 3) - mine) / np.maximum(beside, _DARK), own)
+    # A mean of eight scatters, too.
+    return 8 / 9 * _mean(weight * (own - others) ** 2)
+
+
+def _along_edges(own: Array, weight: Array) -> Array:
+    """Scatter beside edges: against the mean of two opposite neighbours.
+
+    In those two of four directions in which it is least, as an edge makes it large across.
+    """
     padded = np.pad(own, 1)
     height, width = own.shape
     each = []
@@ -105,12 +117,18 @@ def _scatter(own: Array, weight: Array, region: NDArray[np.bool_], unsharp: floa
             padded[1 + sign * down :, 1 + sign * right :][:height, :width] for sign in (1, -1)
         )
         # A mean of two scatters, too.
-        each.append(_mean(2 / 3 * counted * (own - (ahead + behind) / 2) ** 2))
-    ordered = np.sort(each, axis=0)
-    scatter: Array = (1 - unsharp) * ordered[:2].mean(axis=0) + unsharp * ordered.mean(axis=0)
-    return np.where(around > _DARK, scatter / np.maximum(around, _DARK), 0)
+        each.append(_mean(2 / 3 * weight * (own - (ahead + behind) / 2) ** 2))
+    wide = _mean(weight)
+    least: Array = np.sort(each, axis=0)[:2].mean(axis=0)
+    return np.where(wide > _DARK, least / np.maximum(wide, _DARK), 0)
 
 
-def _mean(values: Array) -> Array:
-    mean: Array = ndimage.uniform_filter(values, _SIDE_PX, mode="constant")
+def _inner(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels with all of their neighbours."""
+    inner: NDArray[np.bool_] = ndimage.binary_erosion(region, np.ones((3, 3), bool))
+    return inner
+
+
+def _mean(values: Array, side_px: int = _SIDE_PX) -> Array:
+    mean: Array = ndimage.uniform_filter(values, side_px, mode="constant")
     return mean
