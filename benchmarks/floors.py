@@ -48,6 +48,7 @@ from processing.ranges.optics import BOX_MARGIN, tables_for
 from processing.ranges.pixels import PlaceFit
 from processing.ranges.response import ResponseTables
 from processing.ranges.scattering import RivalFits
+from processing.ranges.shares import unsharpness
 from processing.ranges.slopes import slope_noise_gain
 
 Array = NDArray[np.float64]
@@ -174,11 +175,12 @@ def slopes_of_ranges(parts: RenderedParts, mask: NDArray[np.bool_], pitch_px: Ar
 
 
 def chosen(
-    rivals: RivalFits, run: Captured, found: NDArray[np.bool_], lit: NDArray[np.bool_]
+    rivals: RivalFits, run: Captured, found: NDArray[np.bool_], lit: NDArray[np.bool_], blur: Blur
 ) -> Image:
     """Components where regions are given and pixels without direct light are known."""
     white = np.where(run.mask[..., np.newaxis], np.maximum(run.stack.white(), 0), 0)
-    colours = [rivals.colour(found, run.mask, white, k) for k in range(white.shape[2])]
+    unsharp = unsharpness(blur)
+    colours = [rivals.colour(found, run.mask, white, k, unsharp) for k in range(white.shape[2])]
     parts = np.stack([one.components for one in colours], axis=-1)
     parts[2, ~lit] += parts[0, ~lit]
     parts[0, ~lit] = 0
@@ -232,26 +234,23 @@ def report(name: str, baseline: str, condition: str, cache: Path) -> None:
     rest = run.truth["subsurface"] + run.truth["interreflection"]
     others = relative_error(run.white - run.rows[best.index], rest, run.mask)
     print(f"| (oracle's single pitch) | {best.error:.4f} | {others:.3f} | – | – |")
-    parts = rendered_parts(name, baseline, cache, projected_px)
+    parts = rendered_parts(name, baseline, cache, projected_px, lens_px)
     blur = true_blur(parts, run.mask, condition, name)
     measured = decompose_ranges(run.stack, run.mask)
     line("nothing", Errors.of(_named(measured.names, measured.components), run))
     given = decompose_ranges(run.stack, run.mask, blur=[blur] * run.white.shape[2])
     line("blur", Errors.of(_named(given.names, given.components), run))
-    if lens_px:
-        # The lens mixes what neighbouring pixels see: the parts that it would see were not traced.
-        return
     lit = parts.truth[0].sum(axis=-1) > 0
     scatters = parts.truth[1].sum(axis=-1) > _SCATTERS * parts.truth.sum(axis=(0, -1))
     harmonics = run.stack.harmonics(run.stack.white(), slice(None))[:, :, run.mask]
     rivals = with_places(run, parts, blur, harmonics)
-    line("places", Errors.of(chosen(rivals, run, measured.translucent, lit), run))
-    line("places, regions", Errors.of(chosen(rivals, run, scatters, lit), run))
+    line("places", Errors.of(chosen(rivals, run, measured.translucent, lit, blur), run))
+    line("places, regions", Errors.of(chosen(rivals, run, scatters, lit, blur), run))
     pitch_px = np.array([float(one.pitch_px) for one in run.stack.designs])
     response = parts.unit_response(0, run.mask)
     rows = slopes_of_ranges(parts, run.mask, pitch_px)
     rivals = with_places(run, parts, blur, response * rows[:, np.newaxis])
-    line("true ranges, no noise", Errors.of(chosen(rivals, run, scatters, lit), run))
+    line("true ranges, no noise", Errors.of(chosen(rivals, run, scatters, lit, blur), run))
     if CONDITIONS[condition][0]:
         direct, below, far = noise_bound(run, parts)
         print(f"| bound by noise | {direct:.4f} | – | {far:.3f} | {below:.3f} |")

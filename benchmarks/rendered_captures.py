@@ -69,7 +69,9 @@ def rendered_scene(name: str, baseline: str, projected_px: float = 0.0) -> Rende
     return render(scene, papers_patterns(), PATHS, projected_px * projector_px_per_camera_px(scene))
 
 
-def rendered_parts(name: str, baseline: str, cache: Path, projected_px: float) -> RenderedParts:
+def rendered_parts(
+    name: str, baseline: str, cache: Path, projected_px: float, lens_px: float = 0.0
+) -> RenderedParts:
     """Kinds of light apart, in the unit of the captures; rendered where the cache lacks it."""
     kept = cache / f"{name}-{baseline}-parts-{projected_px:g}.pickle"
     if not kept.exists():
@@ -80,7 +82,11 @@ def rendered_parts(name: str, baseline: str, cache: Path, projected_px: float) -
         )
         cache.mkdir(parents=True, exist_ok=True)
         kept.write_bytes(pickle.dumps(found.scaled(_gain(found.truth.sum(axis=0)))))
-    return pickle.loads(kept.read_bytes())  # type: ignore[no-any-return] # noqa: S301 (its own cache)
+    parts: RenderedParts = pickle.loads(kept.read_bytes())  # noqa: S301 (its own cache)
+    if not lens_px:
+        return parts
+    blurred = parts.defocused(lens_px)
+    return blurred.scaled(_gain(blurred.truth.sum(axis=0)))
 
 
 def projector_px_per_camera_px(scene: Scenery) -> float:

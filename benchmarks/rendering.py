@@ -115,6 +115,27 @@ class RenderedParts:
         response: NDArray[np.complex128] = added / np.where(light > 0, light, np.inf)
         return response
 
+    def defocused(self, lens_px: float) -> RenderedParts:
+        """Through a lens that spreads light over its neighbours, standard deviation in pixels."""
+
+        def seen(images: NDArray[np.floating], first: int) -> NDArray[np.floating]:
+            axes = first, first + 1
+            blurred: NDArray[np.floating] = ndimage.gaussian_filter(
+                images, lens_px, axes=axes, mode="nearest"
+            )
+            return blurred
+
+        light = self.truth[0].sum(axis=-1).astype(np.float64)
+        arrives = seen(light, 0)
+        lit_px = seen(np.nan_to_num(self.lit_px) * light, 1) / np.where(
+            arrives > 0, arrives, np.nan
+        )
+        harmonics = seen(self.harmonics.real, 3) + 1j * seen(self.harmonics.imag, 3)
+        return RenderedParts(
+            harmonics.astype(np.complex64), seen(self.truth, 1).astype(np.float32),
+            seen(self.ranges, 1).astype(np.float32), lit_px, self.seen_px,
+        )  # fmt: skip
+
     def scaled(self, gain: float) -> RenderedParts:
         """All light times a gain."""
         factor = np.float32(gain)

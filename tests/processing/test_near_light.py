@@ -125,3 +125,59 @@ def test_what_is_no_less_sharp_than_others_is_not_called_translucent() -> None:
     assert not scene(excess).any()
     excess[20:40, 20:40] = 9.0
     assert scene(excess)[22:38, 22:38].all()
+
+
+UNEVEN = np.sin(np.arange(60) / 6)[:, np.newaxis] * np.cos(np.arange(60) / 7)
+
+
+def where_light_is_lost(
+    excess_px2: NDArray[np.float64], lean: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """A square that loses 0.1 of white, of which a part leans; the fit has no evidence."""
+    shape = excess_px2.shape
+    square = np.zeros(shape)
+    square[20:40, 20:40] = 0.1
+    signs = Signs(shape, 1.0, 8.0)
+    signs.add(
+        slice(0, shape[0]),
+        np.ones(shape, bool),
+        NearLight(excess_px2.ravel(), np.stack([square.ravel()] * 2), np.stack([lean.ravel()] * 2)),
+    )
+    return translucent_map(np.zeros(shape, np.float32), np.ones(shape, bool), 8.0, None, signs)
+
+
+def test_lost_light_goes_on_where_sharpness_tells_nothing() -> None:
+    """Half of the square leans by 0.025, a quarter of what it loses, as the side of a ball does.
+
+    Where sharpness tells, such pixels must be less sharp than others; where it varies by ±1 px²
+    by itself they follow their neighbours. A crease, of which all leans, is none in either.
+    """
+    leaning = np.zeros((60, 60))
+    leaning[20:40, 30:40] = 0.025
+    found = where_light_is_lost(UNEVEN, leaning)
+    assert found[22:38, 22:38].all()
+    assert not np.delete(found, np.s_[18:42], axis=0).any()
+    even = where_light_is_lost(np.zeros((60, 60)), leaning)
+    assert even[22:38, 22:27].all()
+    assert not even[22:38, 34:].any()
+    assert not where_light_is_lost(UNEVEN, np.full((60, 60), 0.025)).any()
+
+
+def test_what_sees_two_places_follows_its_neighbours_where_sharpness_tells_nothing() -> None:
+    """Discs of 8 pixels fit into a rod of 10 with its rims, which do not vote, not without."""
+    shape = (60, 60)
+    rod = np.zeros(shape)
+    rod[:, 25:35] = 0.1
+    voting = np.ones(shape, bool)
+    voting[:, 23:27] = voting[:, 33:37] = False
+    zero = np.zeros(rod.size)
+    found = []
+    for excess_px2 in (UNEVEN, np.zeros(shape)):
+        signs = Signs(shape, 1.0, 8.0)
+        light = NearLight(excess_px2.ravel(), np.stack([rod.ravel()] * 2), np.stack([zero] * 2))
+        signs.add(slice(0, 60), np.ones(shape, bool), light)
+        gain = np.zeros(shape, np.float32)
+        found.append(translucent_map(gain, np.ones(shape, bool), 8.0, voting, signs))
+    assert found[0][:, 25:35].all()
+    assert not np.delete(found[0], np.s_[25:35], axis=1).any()
+    assert not found[1].any()
