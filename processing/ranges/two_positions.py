@@ -40,6 +40,7 @@ from processing.ranges.pair_edges import (
 )
 from processing.ranges.pair_fit import PairFit, PairsFitted
 from processing.ranges.pair_optics import decoded_places, measured_code
+from processing.ranges.regions import translucent_map
 from processing.ranges.response import ResponseTables
 from processing.ranges.result import (
     Capture,
@@ -49,7 +50,7 @@ from processing.ranges.result import (
     blocks_with,
     lattice,
 )
-from processing.ranges.scattering import RivalFits, translucent_map
+from processing.ranges.scattering import RivalFits
 from processing.remarks import Remark
 
 Image = NDArray[np.float32]
