@@ -11,7 +11,7 @@ Neither noise, nor places, nor the footprint are given to the estimator.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,32 +88,40 @@ def main() -> None:
 
 
 def report(scene: str, blur_px: float, camera: str, options: argparse.Namespace) -> None:
-    well_e, read_e = CAMERAS[camera]
     cells = []
     for pitch_px in options.pitches_px:
-        shifts = shift_grid(pitch_px, tuple(options.shifts))
-        patterns = [Pattern(Family.CHECKER, pitch_px, *shift) for shift in shifts]
-        noisy, clean = (
-            gathered(
-                SimulationConfig(
-                    scene, options.seed, tuple(options.camera_px), (288, 384), defects
-                ),
-                patterns,
-            )
-            for defects in (
-                Defects(blur_px=blur_px, full_well_e=well_e, read_noise_e=read_e),
-                Defects(blur_px=blur_px),
-            )
-        )
-        variance = noisy.sample.noise_variance
-        assert variance is not None
-        noise = noise_of([variance], noisy.white, noisy.usable)
-        found = estimated(noisy, noise)
-        usable = noisy.usable & clean.usable
-        error = (found.direct_light - clean.direct_light)[usable] / found.deviation[usable]
+        patterns = checkers(pitch_px, tuple(options.shifts))
+        config = SimulationConfig(scene, options.seed, tuple(options.camera_px), (288, 384))
+        error = errors(config, blur_px, camera, patterns)
         held = float(np.mean(np.abs(error) <= 1))
         cells.append(f"{held:.3f} ({error.mean():+.2f}, {error.std():.2f})")
     print(f"| {scene}, blur {blur_px:g} px, {camera} | " + " | ".join(cells) + " |", flush=True)
+
+
+def checkers(pitch_px: int, shifts: tuple[int, int]) -> list[Pattern]:
+    grid = shift_grid(pitch_px, shifts)
+    return [Pattern(Family.CHECKER, pitch_px, *shift) for shift in grid]
+
+
+def errors(
+    config: SimulationConfig, blur_px: float, camera: str, patterns: list[Pattern]
+) -> NDArray[np.float32]:
+    """Error of every usable value over its standard error."""
+    well_e, read_e = CAMERAS[camera]
+    noisy, clean = (
+        gathered(replace(config, defects=defects), patterns)
+        for defects in (
+            Defects(blur_px=blur_px, full_well_e=well_e, read_noise_e=read_e),
+            Defects(blur_px=blur_px),
+        )
+    )
+    variance = noisy.sample.noise_variance
+    assert variance is not None
+    found = estimated(noisy, noise_of([variance], noisy.white, noisy.usable))
+    usable = noisy.usable & clean.usable
+    off = found.direct_light - clean.direct_light
+    error: NDArray[np.float32] = off[usable] / found.deviation[usable]
+    return error
 
 
 if __name__ == "__main__":

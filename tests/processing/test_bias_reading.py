@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks import single_pitch_coverage
 from benchmarks.plateau_coverage import SENSORS, best_weights, errors
+from drivers.sim.devices import SimulationConfig
 from processing.frames.bias_reading import reading_bias
 from processing.frames.frame_noise import FrameNoise, FrameSample
 from processing.patterns import Family, Pattern
@@ -116,6 +118,16 @@ def test_errors_cover_the_truth_on_plateaus_of_any_tilt(
     noise = SENSORS["shot noise"]
     held = np.mean(np.abs(errors(tilt, bend, shifts, noise, seed=5)) <= 1)
     assert held == pytest.approx(0.68, abs=0.05)
+
+
+@pytest.mark.parametrize("shifts", [(6, 6), (4, 2)], ids=["36 shifts", "8 shifts"])
+@pytest.mark.parametrize("scene", ["corner", "groove"])
+def test_errors_cover_the_truth_where_light_travels(scene: str, shifts: tuple[int, int]) -> None:
+    """Of the bench at the coarsest pitch, where travelled light tilts most plateaus."""
+    config = SimulationConfig(scene, 17, (64, 64))
+    patterns = single_pitch_coverage.checkers(96, shifts)
+    error = single_pitch_coverage.errors(config, 0.0, "20 000 e", patterns)
+    assert np.mean(np.abs(error) <= 1) == pytest.approx(0.68, abs=0.03)
 
 
 def test_noise_is_that_of_a_frame_while_the_lamp_drifts() -> None:
