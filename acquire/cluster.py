@@ -141,7 +141,7 @@ class RemoteGatherer:
                 if image is not None:
                     np.save(parked / f"{name}.npy", image)
         place = str(self.session.folder.resolve()), str(parked)
-        how = self.reading, self.leak, self.with_harmonics, levels.drift
+        how = self.reading, self.leak, self.with_harmonics, levels.drift, levels.gains
         tasks = [(*place, k, *how) for k in range(len(stack.groups))]
         done = self.cluster.results(gather_pitch, tasks)
         for group, name in zip(stack.groups, done, strict=True):
@@ -182,6 +182,7 @@ def gather_pitch(
     leak: float,
     with_harmonics: bool,
     drift: Drift | None,
+    gains: dict[int, tuple[float, ...]] | None,
 ) -> str:
     """Decode and separate one pitch, on a worker.
 
@@ -195,8 +196,8 @@ def gather_pitch(
         As in `RemoteGatherer`.
     with_harmonics
         Whether they are wanted.
-    drift
-        To be taken off every frame.
+    drift, gains
+        To be taken off every frame, and what some are divided by; see `acquire.references.Levels`.
 
     Returns
     -------
@@ -207,7 +208,7 @@ def gather_pitch(
     folder = Path(parked)
     dark, lit = (_parked_image(folder / f"{name}.npy") for name in ("dark", "lit"))
     gatherer = LocalGatherer(leak, with_harmonics, lambda: None)
-    (found,) = gatherer.gather_groups(stack, [group], Levels(dark, lit, drift))
+    (found,) = gatherer.gather_groups(stack, [group], Levels(dark, lit, drift, gains))
     images: dict[str, NDArray[np.generic]] = {
         "total": found.total,
         "direct": found.separation.direct_light,

@@ -19,6 +19,7 @@ from drivers.image import Demosaic, LinearImage
 from drivers.media import PICTURE_TYPES
 from drivers.picture import decode_picture
 from drivers.raw import decode_raw
+from processing.frames.tone_curve import ToneCurve
 
 # Threads that decode: one a core, up to so many that what they hold stays below half a gigabyte.
 DECODERS = min(os.cpu_count() or 1, 6)
@@ -69,7 +70,7 @@ class _Decoding:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How raw frames become pixels; pictures have theirs already.
+    """How raw frames become pixels, and what is undone in pictures, which have theirs already.
 
     Parameters
     ----------
@@ -78,10 +79,13 @@ class Reading:
     black
         Level of each colour without light, over the black level that the files state, fraction
         of the sensor's range.
+    curve
+        That a camera gave its pictures beyond the one that is undone anyway.
     """
 
     demosaic: Demosaic = Demosaic.SUPERPIXEL
     black: tuple[float, ...] | None = None
+    curve: ToneCurve | None = None
 
 
 class Frames:
@@ -93,7 +97,7 @@ class Frames:
 
     def __init__(self, session: Session, reading: Reading | None = None) -> None:
         self._session = session
-        self._reading = reading or Reading()
+        self.reading = reading or Reading()
         self._hot: NDArray[np.bool_] | None = None
         self._transfer = session.record.source.transfer if session.record.source else Transfer.RAW
         self.saturated: NDArray[np.bool_] | None = None
@@ -177,13 +181,15 @@ class Frames:
     def _decode(self, frame: FrameRecord, room: LinearImage | None = None) -> LinearImage:
         data = self._session.read(frame)
         try:
-            demosaic = self._reading.demosaic
+            demosaic = self.reading.demosaic
             image = decode_frame(data, frame.media_type, self._transfer, demosaic, room)
         except DecodeError as error:
             raise StackError(f"{self._session.folder / frame.file}: {error}") from error
-        if self._reading.black is not None and not self._is_picture(frame):
+        if self.reading.black is not None and not self._is_picture(frame):
             lines = image.values.reshape(len(image.values), -1)
-            lines -= np.tile(np.array(self._reading.black, np.float32), image.values.shape[1])
+            lines -= np.tile(np.array(self.reading.black, np.float32), image.values.shape[1])
+        if self.reading.curve is not None and self._is_picture(frame):
+            self.reading.curve.apply(image.values)
         return image
 
     def _is_picture(self, frame: FrameRecord) -> bool:
@@ -207,7 +213,7 @@ class Frames:
         """Hot pixels of an image."""
         if self._hot is None:
             return np.zeros(shape, np.bool_)
-        if self._reading.demosaic is Demosaic.SUPERPIXEL or self._is_picture(frame):
+        if self.reading.demosaic is Demosaic.SUPERPIXEL or self._is_picture(frame):
             return self._hot.copy()
         photosites = np.repeat(np.repeat(self._hot, 2, axis=0), 2, axis=1)
         missing = [side - have for side, have in zip(shape, photosites.shape, strict=True)]

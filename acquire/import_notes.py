@@ -11,9 +11,23 @@ from drivers.media import PICTURE_TYPES
 from drivers.picture import JPEG_WHITE
 from processing.patterns import Family, untoggled_fraction
 
+EXTREMA = Caution(
+    what="Each pitch has two frames, of which one is nowhere darker than the other.",
+    meaning="They will be taken for the largest and the smallest value of each pixel over many "
+    "shifts. If they are two positions of a pattern, something is wrong with the table or with "
+    "what was projected.",
+    remedy="Import all frames of every pitch, where they exist.",
+)
+
 
 def import_notes(
-    rows: Sequence[Row], transfer: Transfer, media_type: str, dtype: str, profile: str | None
+    rows: Sequence[Row],
+    transfer: Transfer,
+    media_type: str,
+    dtype: str,
+    profile: str | None,
+    *,
+    extrema: bool,
 ) -> tuple[Caution, ...]:
     """Notes for the report, most important first.
 
@@ -25,12 +39,14 @@ def import_notes(
         How the numbers were read.
     media_type, dtype, profile
         Kind of the files, type of their values, and their ICC profile's description.
+    extrema
+        Whether every pitch has two frames, of which one is nowhere darker than the other.
     """
     return (
         *_reading_notes(transfer, media_type, dtype),
         *_profile_notes(transfer, profile),
         *_reference_notes(rows),
-        *_shift_notes(rows),
+        *((EXTREMA,) if extrema else _shift_notes(rows)),
     )
 
 
@@ -59,7 +75,8 @@ def _reading_notes(transfer: Transfer, media_type: str, dtype: str) -> Iterator[
     yield from _saturation_notes(bits, transfer, media_type)
     yield Caution(
         what="The exposures are unknown.",
-        meaning="All frames are taken to have the same exposure, gain and light; where they have "
+        meaning="All frames are taken to have the same exposure, gain and light, but for what "
+        "`lumisplit process` finds by white, black and complementary patterns; where they have "
         "not, direct and global light are wrong by as much.",
         remedy="Look at how far patterns and complements miss white; fix exposure, gain and white "
         "balance in the next capture.",

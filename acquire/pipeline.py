@@ -14,6 +14,8 @@ from acquire.cautions import cautions
 from acquire.cluster import PARKED, Cluster, RemoteGatherer
 from acquire.corrections import correct, frame_noise
 from acquire.errors import ResultError, StackError
+from acquire.exposure_cautions import exposure_cautions
+from acquire.exposures import find_exposures
 from acquire.frames import Reading
 from acquire.gathering import Gatherer, LocalGatherer
 from acquire.methods import (
@@ -81,6 +83,9 @@ class Options:
         How raw frames become pixels.
     drift_correction
         Whether smooth drift between the references is taken off the frames.
+    gain_correction, tone_correction
+        Whether frames of an imported stack are divided by the gains, and freed from the tone
+        curve, that they are found to have.
     """
 
     method: str | None = None
@@ -90,6 +95,8 @@ class Options:
     leak: float = 0.0
     demosaic: Demosaic = Demosaic.SUPERPIXEL
     drift_correction: bool = True
+    gain_correction: bool = True
+    tone_correction: bool = True
 
 
 class Observer(Protocol):
@@ -151,9 +158,19 @@ def process(
     used, unused = _suiting(stack, options, given)
     obstacle = _obstacle(session, stack, options)
     prepare(folder, session.folder)
+    exposures = find_exposures(
+        session,
+        stack.reading,
+        lambda total: observer.stage("comparing exposures", total),
+        observer.advance,
+        correct_gains=options.gain_correction,
+        correct_tone=options.tone_correction,
+    )
+    if exposures is not None:
+        stack.reading = replace(stack.reading, curve=exposures.curve)
     observer.stage("separating", len(stack))
     references = read_references(
-        session, stack, observer.advance, correct_drift=options.drift_correction
+        session, stack, observer.advance, exposures, correct_drift=options.drift_correction
     )
     drift = references.levels.drift
     if drift is not None and used.noise is not None:
@@ -163,6 +180,7 @@ def process(
     by_ranges = components.used["method"] == "ranges"
     found = (
         *cautions(session, separated),
+        *exposure_cautions(separated.references.exposures),
         *profile_cautions(separated, used.noise, measured),
         *_interpolation(stack, options),
         *unused,
@@ -239,8 +257,8 @@ class _Work:
         leak, wanted, advance = self.options.leak, method.wants_harmonics, observer.advance
         if cluster is None:
             return LocalGatherer(leak, wanted, advance)
-        reading = Reading(self.options.demosaic, self.profiles.black)
-        return RemoteGatherer(cluster, self.session, self.folder, reading, leak, wanted, advance)
+        place = self.session, self.folder, self.stack.reading
+        return RemoteGatherer(cluster, *place, leak, wanted, advance)
 
 
 def _with_leak(session: Session, options: Options, profiles: Profiles) -> Options:

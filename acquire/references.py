@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from acquire.exposure_record import ExposureRecord
+from acquire.exposures import Exposures
 from acquire.result import DriftRecord
 from acquire.session import Session
 from acquire.stack import Reference, Stack
@@ -30,11 +32,14 @@ class Levels:
         White less black light, as at the first white frame.
     drift
         What is taken off every frame; None where nothing is.
+    gains
+        What some frames are divided by, by their place among all exposures; None where none is.
     """
 
     dark: Image | None
     lit: Image | None
     drift: Drift | None = None
+    gains: dict[int, tuple[float, ...]] | None = None
 
     def of(self, order: int, width: int) -> FrameLevels:
         """What is taken off one frame.
@@ -46,6 +51,9 @@ class Levels:
         width
             Of the picture, in pixels.
         """
+        gains = None if self.gains is None else self.gains.get(order)
+        if gains is not None:
+            return FrameLevels(self.dark, None, None, _line(1 / np.array(gains), width))
         if self.drift is None:
             return FrameLevels(self.dark, None, None)
         at = np.array([order], np.float64)
@@ -64,11 +72,14 @@ class FrameLevels:
     offset, gain
         float32, (3 width,), by how much it is too high less black and too bright then, the three
         colours over and over; None where nothing drifted.
+    exposure
+        As these, what the frame is multiplied by before anything is taken off, dark light and all.
     """
 
     dark: Image | None
     offset: Image | None
     gain: Image | None
+    exposure: Image | None = None
 
     def even(self, values: Image, at: tuple[slice, slice], out: Image) -> None:
         """Take it off some of the frame's pixels.
@@ -82,6 +93,10 @@ class FrameLevels:
         out
             As `values`, in one piece of memory; written.
         """
+        if self.exposure is not None:
+            lines = out.reshape(len(out), -1)
+            np.multiply(values.reshape(lines.shape), self.exposure[: lines.shape[1]], out=lines)
+            values = out
         if self.dark is None:
             out[...] = values
         else:
@@ -104,16 +119,24 @@ class References:
         As the pattern frames are held against.
     record
         The drift, where there is more than one reference.
+    exposures
+        Of an imported stack.
     """
 
     white: Reference | None
     black: Reference | None
     levels: Levels
     record: DriftRecord | None
+    exposures: ExposureRecord | None = None
 
 
 def read_references(
-    session: Session, stack: Stack, frame_done: Callable[[], None], *, correct_drift: bool
+    session: Session,
+    stack: Stack,
+    frame_done: Callable[[], None],
+    exposures: Exposures | None = None,
+    *,
+    correct_drift: bool,
 ) -> References:
     """Decode the references of a session.
 
@@ -125,14 +148,20 @@ def read_references(
         The frames, which lie in the session.
     frame_done
         Called after each decoded frame.
+    exposures
+        What is undone in the frames of an imported stack; its gains take the place of a drift.
     correct_drift
         Whether to correct at all.
     """
     black = stack.reference(Family.BLACK, frame_done)
     white = stack.reference(Family.WHITE, frame_done)
+    if exposures is not None and exposures.gains is not None:
+        levels = _evened(white, black, exposures)
+        return References(white, black, levels, None, exposures.record)
+    about = None if exposures is None else exposures.record
     drift = _drift(session, stack, white, black)
     if drift is None or white is None:
-        return References(white, black, _levels(white, black, None), None)
+        return References(white, black, _levels(white, black, None), None, about)
     smooth = drift.course is Course.SMOOTH
     corrected = smooth and correct_drift and session.record.source is None
     record = DriftRecord(
@@ -146,7 +175,7 @@ def read_references(
         range=max(drift.gain.range, drift.offset.range / drift.light),
     )
     levels = _levels(white, black, drift.seen() if corrected else None)
-    return References(white, black, levels, record)
+    return References(white, black, levels, record, about)
 
 
 def _drift(
@@ -176,6 +205,21 @@ def _levels(white: Reference | None, black: Reference | None, drift: Drift | Non
     if drift is not None:
         lit = (lit - _mean(drift.offset.at(_orders(white)))) / _mean(drift.gain.at(_orders(white)))
     return Levels(dark, lit, drift)
+
+
+def _evened(white: Reference | None, black: Reference | None, exposures: Exposures) -> Levels:
+    """Means of the references at the gain of the first white frame."""
+    dark = None if black is None else _divided(black.image, exposures.black)
+    lit = None if white is None else _divided(white.image, exposures.white)
+    if lit is not None and dark is not None:
+        np.subtract(lit, dark, out=lit)
+    return Levels(dark, lit, gains=exposures.gains)
+
+
+def _divided(image: Image, gain: NDArray[np.float64] | None) -> Image:
+    """A new image."""
+    colours = np.ones(image.shape[-1]) if gain is None else gain
+    return np.divide(image, colours.astype(np.float32))
 
 
 def _orders(reference: Reference) -> NDArray[np.float64]:

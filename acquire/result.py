@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, JsonValue, ValidationError
 
 from acquire.errors import ResultError, SessionError
+from acquire.exposure_record import ExposureRecord
 from acquire.plan import CameraPlan, ProjectorPlan
 from acquire.profile_file import ProfileSummary
 from acquire.session.folder import read_plain, storage, write_durably
@@ -270,6 +271,7 @@ class ResultRecord(StrictModel):
     proof: ProofRecord | None = None
     profiles: tuple[ProfileSummary, ...] = ()
     drift: DriftRecord | None = None
+    exposures: ExposureRecord | None = None
     plan_sha256: Sha256
     session: SessionSummary
     versions: dict[str, str]

@@ -110,6 +110,7 @@ def record_of(
         warnings=tuple(caution.text for caution in told),
         cautions=told,
         drift=separated.references.record,
+        exposures=separated.references.exposures,
         plan_sha256=session.plan.sha256,
         session=SessionSummary(
             plan_sha256=session.plan.sha256,

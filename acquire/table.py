@@ -16,7 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Literal, Protocol, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from acquire.errors import SessionError, StackError, StorageError
+from acquire.frames import decode_frame
 from acquire.import_notes import import_notes
 from acquire.plan import Plan
 from acquire.session import FrameRecord, Session, SessionRecord, SourceRecord, Transfer
@@ -30,8 +34,12 @@ from drivers.media import PICTURE_TYPES, media_type
 from drivers.picture import decode_picture
 from drivers.picture_header import read_header
 from drivers.raw import decode_raw
+from processing.frames.frame_noise import lattice, ordered
+from processing.patterns import Family
 
 TransferChoice: TypeAlias = Literal["auto", "srgb", "linear"]
+# Pitches whose frames tell whether they are extrema.
+_LOOKED_AT = 3
 
 
 class Observer(Protocol):
@@ -102,7 +110,14 @@ def import_table(
     kind = frames[0].kind
     chosen = _transfer(kind, transfer)
     plan = Plan(patterns=tuple(row.pattern for row in listed.rows))
-    notes = import_notes(listed.rows, chosen, kind.media_type, kind.dtype, kind.profile)
+    notes = import_notes(
+        listed.rows,
+        chosen,
+        kind.media_type,
+        kind.dtype,
+        kind.profile,
+        extrema=_are_extrema(frames, chosen),
+    )
     record = SessionRecord(
         plan_sha256=plan.sha256,
         bench={"kind": "import"},
@@ -206,6 +221,30 @@ def _transfer(kind: _Kind, wanted: TransferChoice) -> Transfer:
     if wanted == "auto":
         return Transfer.SRGB if kind.dtype == "uint8" else Transfer.LINEAR
     return Transfer(wanted)
+
+
+def _are_extrema(frames: list[_Frame], transfer: Transfer) -> bool:
+    """Whether every pitch has two frames of which one is nowhere darker than the other.
+
+    The frames of the coarsest pitches are looked at, which optics resolve: where they do not, two
+    positions of a pattern differ by little but light and noise.
+    """
+    pairs: dict[tuple[Family, int], list[_Frame]] = {}
+    for frame in frames:
+        pattern = frame.row.pattern
+        if not pattern.family.is_reference:
+            pairs.setdefault((pattern.family, pattern.pitch_px), []).append(frame)
+    if not all(len(pair) == 2 and family.is_binary for (family, _), pair in pairs.items()):
+        return False
+    coarsest = sorted(pairs, key=lambda key: -key[1])[:_LOOKED_AT]
+    return all(ordered(*(_some(frame, transfer) for frame in pairs[key])) for key in coarsest)
+
+
+def _some(frame: _Frame, transfer: Transfer) -> NDArray[np.float32]:
+    """Light of some thousand pixels."""
+    data = read_plain(frame.path, MAX_FRAME_BYTES)
+    values = decode_frame(data, frame.kind.media_type, transfer).values
+    return values[lattice(values.shape[:2])]
 
 
 def _resumed(out: Path, record: SessionRecord, frames: list[_Frame]) -> Session | None:

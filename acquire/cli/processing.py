@@ -105,6 +105,21 @@ DriftCorrection = Annotated[
         help="Take smooth drift of lamp and camera between the references off the frames.",
     ),
 ]
+GainCorrection = Annotated[
+    bool,
+    typer.Option(
+        "--gain-correction/--no-gain-correction",
+        help="Divide imported frames by the gains of an automatic camera, where patterns and "
+        "complements tell them.",
+    ),
+]
+ToneCorrection = Annotated[
+    bool,
+    typer.Option(
+        "--tone-correction/--no-tone-correction",
+        help="Undo the tone curve of imported pictures, where patterns and complements tell it.",
+    ),
+]
 
 
 def process_command(
@@ -119,6 +134,8 @@ def process_command(
     scheduler: Scheduler = None,
     profile: ProfileFiles = None,
     drift_correction: DriftCorrection = True,
+    gain_correction: GainCorrection = True,
+    tone_correction: ToneCorrection = True,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -129,7 +146,15 @@ def process_command(
     from acquire.report import write_report
 
     options = Options(
-        method, components, iterations, smoothing_px, leak, demosaic, drift_correction
+        method,
+        components,
+        iterations,
+        smoothing_px,
+        leak,
+        demosaic,
+        drift_correction,
+        gain_correction,
+        tone_correction,
     )
     jobs, done = _jobs(folders, out), list[dict[str, object]]()
     with nullcontext() if scheduler is None else connected(scheduler) as cluster:

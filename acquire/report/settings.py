@@ -103,6 +103,12 @@ def _flags(record: ResultRecord) -> str:
     words = [f"{flag} {shlex.quote(_text(value))}" for flag, value in given if value is not None]
     if values.get("drift_correction") is False:
         words.append("--no-drift-correction")
+    if record.session.source is not None:
+        words += [
+            f"--no-{what}-correction"
+            for what in ("gain", "tone")
+            if values.get(f"{what}_correction") is False
+        ]
     return " ".join(words)
 
 

@@ -88,11 +88,7 @@ class FrameSample:
         Of two positions of a pattern half of the pixels are brighter in either; noise alone, as
         where nothing is lit, weighs by its size.
         """
-        if len(self.patterns) != 2:
-            return False
-        difference = self.frames[0] - self.frames[1]
-        reversed_part = min(np.maximum(sign * difference, 0).sum() for sign in (1, -1))
-        return bool(reversed_part < _REVERSED * np.abs(difference).sum())
+        return len(self.patterns) == 2 and ordered(*self.frames)
 
     @property
     def noise_variance(self) -> Array | None:
@@ -109,6 +105,13 @@ class FrameSample:
         sums = np.stack([frames[one] + frames[other] for one, other in pairs])
         squares: Array = np.sum(np.diff(sums, axis=0) ** 2, axis=0)
         return squares / (4 * (len(pairs) - 1))
+
+
+def ordered(first: Image | Array, second: Image | Array) -> bool:
+    """Whether one of two frames, pixel by pixel, is nowhere darker than the other."""
+    difference = first - second
+    reversed_part = min(np.maximum(sign * difference, 0).sum() for sign in (1, -1))
+    return bool(reversed_part < _REVERSED * np.abs(difference).sum())
 
 
 def lattice(shape: tuple[int, ...], pixels: int = _LATTICE_PIXELS) -> tuple[slice, slice]:
