@@ -141,6 +141,14 @@ class _Looked:
         chosen = [one for turn in zip_longest(*few) for one in turn if one is not None]
         return find_curve(self.lights(chosen[:MOST_PAIRS]), self.references, self.tiles)
 
+    def _due_error(self, black: Gain | None) -> NDArray[np.float64] | float:
+        """Of white and black light together, in parts of it, for the gain of black."""
+        if black is None:
+            return 0.0
+        white, dark = (one.values.mean(axis=(0, 1), dtype=np.float64) for one in self.references)
+        share: NDArray[np.float64] = dark / np.maximum(white + dark, 1e-30)
+        return share * black.error / black.value**2
+
     def gains(self, stack: Stack, groups: Sequence[Sequence[Pair]], *, correct: bool) -> Exposures:
         """Of every frame that can be compared."""
         pairs = [pair for group in groups for pair in group]
@@ -149,7 +157,8 @@ class _Looked:
         known = self.lights([pair for group in groups for pair in group[:2]])
         black = black_gain(known, self.references, self.tiles)
         due, usable = due_of(self.references, 1.0 if black is None else 1 / black.value)
-        found = [pair_gains(pair, due, usable, self.tiles) for pair in self.lights(pairs)]
+        error = self._due_error(black)
+        found = [pair_gains(pair, due, usable, self.tiles, error) for pair in self.lights(pairs)]
         every = [*found, *whites, black]
         differs = any(one is not None and one.differs for one in every)
         corrected = correct and differs

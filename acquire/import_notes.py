@@ -46,7 +46,8 @@ def import_notes(
         *_reading_notes(transfer, media_type, dtype),
         *_profile_notes(transfer, profile),
         *_reference_notes(rows),
-        *((EXTREMA,) if extrema else _shift_notes(rows)),
+        *((EXTREMA,) if extrema else _few_shifts(rows)),
+        *_untoggled(rows),
     )
 
 
@@ -132,7 +133,7 @@ def _reference_notes(rows: Sequence[Row]) -> Iterator[Caution]:
         )
 
 
-def _shift_notes(rows: Sequence[Row]) -> Iterator[Caution]:
+def _few_shifts(rows: Sequence[Row]) -> Iterator[Caution]:
     groups = by_pitch(rows)
     if any(len(members) == 2 for members in groups.values()):
         yield Caution(
@@ -142,7 +143,10 @@ def _shift_notes(rows: Sequence[Row]) -> Iterator[Caution]:
             "direct images.",
             remedy="Take at least four shifts in each direction in which the pattern changes.",
         )
-    for key, members in groups.items():
+
+
+def _untoggled(rows: Sequence[Row]) -> Iterator[Caution]:
+    for key, members in by_pitch(rows).items():
         share = untoggled_fraction([row.pattern for row in members]) if key[0].is_binary else 0.0
         if share > 0:
             yield Caution(

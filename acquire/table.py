@@ -243,7 +243,10 @@ def _are_extrema(frames: list[_Frame], transfer: Transfer) -> bool:
 def _some(frame: _Frame, transfer: Transfer) -> NDArray[np.float32]:
     """Light of some thousand pixels."""
     data = read_plain(frame.path, MAX_FRAME_BYTES)
-    values = decode_frame(data, frame.kind.media_type, transfer).values
+    try:
+        values = decode_frame(data, frame.kind.media_type, transfer).values
+    except DecodeError as error:
+        raise StackError(f"{frame.path}: {error}") from error
     return values[lattice(values.shape[:2])]
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from acquire.remix import Preset, presets
 from acquire.report import settings
+from acquire.report.exposure_drawing import curve_drawing, gains_drawing
 from acquire.report.figures import (
     RGB_LINES,
     Drawing,
@@ -50,6 +51,8 @@ class Drawings:
     frames: Drawing | None
     run: Drawing | None
     drift: Drawing | None
+    gains: Drawing | None
+    curve: Drawing | None
     mixing: Drawing | None
     pca: Drawing | None
     convergence: Drawing | None
@@ -214,11 +217,18 @@ def _drawings(record: ResultRecord, white: WhitePlate, pitches: tuple[PitchPlate
         frames=frames_drawing(record.pitches),
         run=None if record.proof is None else run_drawing(record.proof),
         drift=None if record.drift is None else drift_drawing(record.drift),
+        gains=None if record.exposures is None else gains_drawing(record.exposures),
+        curve=_curve(record),
         mixing=mixing_drawing(record.mixing, record.components) if finite(alpha) else None,
         pca=pca_drawing(pca, len(record.components), noise_share) if finite(pca) else None,
         convergence=convergence_drawing(cost) if finite(cost) else None,
         noise_share=noise_share,
     )
+
+
+def _curve(record: ResultRecord) -> Drawing | None:
+    found = None if record.exposures is None else record.exposures.curve
+    return None if found is None or not found.corrected else curve_drawing(found)
 
 
 def _noise_share(

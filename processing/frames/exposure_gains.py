@@ -93,7 +93,11 @@ class PairGains:
 
 
 def pair_gains(
-    frames: tuple[Light, Light], due: Array, usable: NDArray[np.bool_], tiles: Index
+    frames: tuple[Light, Light],
+    due: Array,
+    usable: NDArray[np.bool_],
+    tiles: Index,
+    due_error: Array | float = 0.0,
 ) -> PairGains | None:
     """Gains of a pattern and its complement, in all colours.
 
@@ -107,6 +111,8 @@ def pair_gains(
         bool, (n,): sites at which the references are not saturated.
     tiles
         Of the sites, (n,).
+    due_error
+        Standard error of the sum that is due, in parts of it, the same for all pairs, (colours,).
 
     Returns
     -------
@@ -122,7 +128,7 @@ def pair_gains(
             return None
         fits.append(found)
         misfit.add(given, found)
-    return misfit.pair((_gain(fits, 0), _gain(fits, 1)))
+    return misfit.pair((_gain(fits, 0, due_error), _gain(fits, 1, due_error)))
 
 
 def single_gain(frame: Light, other: Light, tiles: Index) -> Gain | None:
@@ -183,11 +189,12 @@ def _plain(frame: Light, colour: int) -> Array:
     return frame.values[..., colour].astype(np.float64)
 
 
-def _gain(fits: Sequence[Fit], which: int) -> Gain:
+def _gain(fits: Sequence[Fit], which: int, due_error: Array | float = 0.0) -> Gain:
     """Of one of the frames that were fitted, one fit a colour."""
     inverse = np.array([one.inverse_gains[which] for one in fits])
     deviation = np.sqrt([max(one.covariance[which, which], 0.0) for one in fits])
-    return Gain(np.round(1 / inverse, _DECIMALS), np.round(deviation / inverse**2, _DECIMALS))
+    error = np.sqrt((deviation / inverse**2) ** 2 + (due_error / inverse) ** 2)
+    return Gain(np.round(1 / inverse, _DECIMALS), np.round(error, _DECIMALS))
 
 
 class _Misfit:
@@ -232,7 +239,8 @@ def _cells(given: Equations, found: Fit) -> Index:
     """Which sites have like light in white and like shares of it in the first frame."""
     level = given.level
     bounds = np.quantile(level, np.arange(1, _LEVELS) / _LEVELS)
-    share = found.inverse_gains[0] * given.terms[..., 0].mean(axis=0) / np.maximum(level, 1e-30)
+    first = (given.terms[0, :, 0] + given.terms[1, :, 0]) / 2
+    share = found.inverse_gains[0] * first / np.maximum(level, 1e-30)
     part = np.clip((_CONTRASTS * share).astype(np.int64), 0, _CONTRASTS - 1)
     cells: Index = np.searchsorted(bounds, level) * _CONTRASTS + part
     return cells

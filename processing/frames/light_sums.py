@@ -64,7 +64,7 @@ class Equations:
     @property
     def level(self) -> Array:
         """(n,), > 0."""
-        level: Array = np.maximum(self.due.mean(axis=0), 0)
+        level: Array = np.maximum(_mean(self.due), 0)
         return level
 
     @property
@@ -79,7 +79,9 @@ class Equations:
 
     def residual(self, inverse_gains: Array) -> Array:
         """(2, n)."""
-        rest: Array = self.due - np.sum(self.terms * inverse_gains, axis=-1)
+        rest = self.due.copy()
+        for k, gain in enumerate(inverse_gains):
+            rest -= gain * self.terms[..., k]
         return rest
 
     def moments(self, weights: Array, noise: float = 0.0) -> tuple[Array, Array]:
@@ -94,14 +96,14 @@ class Equations:
             weighted = (weights[:, np.newaxis] * terms).T / 2
             normal += product(weighted, terms)
             right += product(weighted, due)
-        light = np.maximum(self.terms.mean(axis=0), 0)
-        share = light / np.maximum(light.sum(axis=1), 1e-30)[:, np.newaxis]
+        light = np.maximum(_mean(self.terms), 0)
+        share = light / np.maximum(np.sum(light.T, axis=0), 1e-30)[:, np.newaxis]
         added = noise / 2 * product(share.T, weights * self.variance)
         return normal - np.diag(added), right
 
     def tie(self) -> Tie:
         """How far the first two frames have half of the light each."""
-        light = np.stack([np.bincount(self.tiles, term) for term in self.terms.mean(axis=0).T[:2]])
+        light = np.stack([np.bincount(self.tiles, term) for term in _mean(self.terms).T[:2]])
         sums = np.maximum(light.sum(axis=1), 1e-30)
         half = self.level.sum() / 2 / sums
         unlike = _ALIKE * float(np.sum((half[0] * light[0] - half[1] * light[1]) ** 2))
@@ -143,7 +145,7 @@ def equations(
     None where too little is: sites have more than `lit` of the level above which half of the light
     is, by default so much that their equations tell more of light than of noise.
     """
-    level = np.maximum(due.mean(axis=0), 0)
+    level = np.maximum(_mean(due), 0)
     if not np.any(level[usable] > 0):
         return None
     bright = usable & (level > lit * _median_of_light(level[usable]))
@@ -178,7 +180,7 @@ class Solver:
         found = solved(_bread(normal, tie, self._held), right)
         rest = given.residual(found) / np.sqrt(variance)
         self._noise = (1.4826 * float(np.median(np.abs(rest)))) ** 2
-        missed = np.abs(rest.mean(axis=0))
+        missed = np.abs(_mean(rest))
         scale = max(1.4826 * float(np.median(missed)), _LEAST_SCALE)
         weigh = _huber if self._round < _HUBER_ROUNDS else _biweight
         self.trust, self._slope = weigh(missed / scale)
@@ -216,7 +218,7 @@ def fit(given: Equations, *, halves: bool) -> Fit | None:
 def _spread(given: Equations, found: Array, weights: Array) -> Array:
     """Covariance of the scores, (p, p), each tile's sum independent of the others'."""
     rest = given.residual(found)
-    scores = weights[:, np.newaxis] * np.mean(given.terms * rest[..., np.newaxis], axis=0)
+    scores = weights[:, np.newaxis] * _mean(given.terms * rest[..., np.newaxis])
     parts = [np.bincount(given.tiles, score) for score in scores.T]
     sums = np.stack(parts, axis=1).astype(np.float64)
     tiles = int(np.count_nonzero(np.bincount(given.tiles)))
@@ -245,3 +247,9 @@ def _median_of_light(level: Array) -> float:
     ordered = np.sort(level)
     risen = np.cumsum(ordered)
     return float(ordered[np.searchsorted(risen, risen[-1] / 2)])
+
+
+def _mean(pixels: Array) -> Array:
+    """Of the two pixels of each site, far faster than along a short axis."""
+    mean: Array = (pixels[0] + pixels[1]) / 2
+    return mean

@@ -279,7 +279,8 @@ def _crossed(one: Array, other: Array, weights: Array) -> Array:
     The noise of neighbours is not the same: it adds nothing.
     """
     weighted = [(weights[:, np.newaxis] * part).T / 2 for part in one]
-    return product(weighted[0], other[1]) + product(weighted[1], other[0])
+    found: Array = product(weighted[0], other[1]) + product(weighted[1], other[0])
+    return found
 
 
 def _terms(values: Array) -> Array:

@@ -174,7 +174,23 @@ def test_frames_of_unknown_order_are_not_corrected(drifted: Session, tmp_path: P
     source = SourceRecord(table="t.csv", table_sha256="0" * 64, transfer=Transfer.RAW)
     session = Session.open(drifted.folder)
     session.record = session.record.model_copy(update={"source": source})
-    result = process(session, tmp_path / "r", Options("iva"), Silent())
+    result = process(session, tmp_path / "r", Options("iva", gain_correction=False), Silent())
     assert result.record.drift is not None
     assert not result.record.drift.corrected
     assert "in which order they were taken is not known" in text_of(result)
+
+
+def test_complements_free_frames_of_unknown_order_from_a_drift(
+    drifted: Session, tmp_path: Path
+) -> None:
+    source = SourceRecord(table="t.csv", table_sha256="0" * 64, transfer=Transfer.RAW)
+    session = Session.open(drifted.folder)
+    session.record = session.record.model_copy(update={"source": source})
+    result = process(session, tmp_path / "r", Options("iva"), Silent())
+    assert result.record.drift is None
+    assert result.record.exposures is not None
+    assert result.record.exposures.corrected
+    whites = np.array([one.gain for one in result.record.exposures.white])
+    # The room's light does not drift: 3 % of the brightest white, a tenth where it is darker.
+    assert whites[-1] == pytest.approx(1 - 0.13 * 152 / 153, abs=0.13 * 0.1)
+    assert all(abs(pitch.additivity_error or 0) < 0.006 for pitch in result.record.pitches)

@@ -414,10 +414,11 @@ def test_the_disk_is_asked_for_room_first(tmp_path: Path) -> None:
     assert "/proc/out" in str(caught.value)
 
 
+EXTREMA = "Each pitch has two frames, of which one is nowhere darker than the other."
 MISSING = {
     "white": (ROWS[1:], "There is no white frame."),
     "black": (ROWS[:1] + ROWS[2:], "There is no black frame."),
-    "shifts": (ROWS, "There are two shifts only at checker 8 px."),
+    "shifts": (ROWS, EXTREMA),
     "switching": (
         (*ROWS[:3], "1.png,pattern,checker,8,0,2"),
         "At checker, pitch 8, 75.0% of the projector's pixels are never both lit and dark.",
@@ -430,6 +431,17 @@ def test_what_is_missing_but_allowed_is_noted(
     tmp_path: Path, rows: tuple[str, ...], note: str
 ) -> None:
     assert note in notes_of(imported(write_stack(tmp_path / "stack", rows=rows), tmp_path / "out"))
+
+
+def test_two_positions_are_told_from_extrema(tmp_path: Path) -> None:
+    """The second file is half as bright as the first, an extremum; turned over, it is not."""
+    table = write_stack(tmp_path / "stack")
+    extrema = notes_of(imported(table, tmp_path / "extrema"))
+    assert "two shifts only" not in extrema
+    (table.parent / "1.png").write_bytes(png(PIXELS[::-1] // 3))
+    positions = notes_of(imported(table, tmp_path / "positions"))
+    assert "There are two shifts only at checker 8 px." in positions
+    assert EXTREMA not in positions
 
 
 @pytest.mark.parametrize(
