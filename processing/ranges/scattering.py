@@ -50,7 +50,8 @@ class ChosenColour:
     components, noise_errors
         float32, (3, height, width), as in `ChosenLight`.
     signs
-        Of the model's error, see `processing.ranges.stated_errors.signs`.
+        Of the model's error, see `processing.ranges.stated_errors.signs`: of each pixel's own
+        light, before its shares are freed from scatter.
     """
 
     components: Image
