@@ -12,6 +12,7 @@ from processing.ranges.blur import Blur
 from processing.ranges.correspondence import Correspondence, decode
 from processing.ranges.footprints import footprints
 from processing.ranges.pixels import PlaceFit
+from processing.ranges.place_lattice import PlaceLattice
 from processing.ranges.response import ResponseTables
 
 Image = NDArray[np.float32]
@@ -30,6 +31,7 @@ class SceneOptics:
     noise_gains: Array
     white_gain: float
     fits: tuple[PlaceFit, ...]
+    alike: PlaceLattice
 
     def variance(self, light: Array) -> Array:
         """Of a frame's noise at (n, colours) of white light; 0 where it is unknown."""
@@ -95,7 +97,7 @@ class Band:
         inside = slice(max(lines.start - _HALO, self._first), end)
         around = self._within(inside)
         wide = self._mask[around]
-        shapes = footprints(self._places[:, around].mean(axis=-1), wide)
+        shapes = footprints(self._places[:, around].mean(axis=-1), wide, alike=optics.alike)
         chosen, mine = self._mask[self._within(lines)], self._within(lines)
         shapes = shapes[:, lines.start - inside.start :][:, : len(chosen)][:, chosen]
         seen = harmonics[:, :, lines.start - first : lines.stop - first]

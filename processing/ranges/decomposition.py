@@ -43,6 +43,7 @@ from processing.ranges.optics import (
     tables_for,
 )
 from processing.ranges.pixels import PlaceFit
+from processing.ranges.place_lattice import PlaceLattice
 from processing.ranges.regions import Signs, translucent_map
 from processing.ranges.result import (
     Capture,
@@ -138,20 +139,21 @@ def fit_ranges(
         blur, unsure = measured_blur(stack, sample)
         warnings += unsure
     pitch_px = np.array([float(one.pitch_px) for one in stack.designs])
+    alike = PlaceLattice.of(stack.designs, stack.projector_px)
     accounts = opaque(pitch_px), translucent(pitch_px)
     tables = tables_for(stack, blur, spread_grid(pitch_px))
     gains = np.array([slope_noise_gain(design) for design in stack.designs])
     place_fits = tuple(PlaceFit.of(one, accounts, gains) for one in tables)
-    optics = SceneOptics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits)
+    optics = SceneOptics(tuple(blur), tables, noise, gains, stack.white_gain, place_fits, alike)
     told = told_of_blur(pitch_px, float(np.mean([one.error_px2 for one in blur])))
     near = Signs(mask.shape, told, float(pitch_px.min()))
     fits, coherence, seen = _fit_blocks(stack, white, mask, optics, near, progress)
     places: Image = seen.mean(axis=-1)
     settled, suspects = _settle_edges(stack, white, seen, places, mask, optics, fits, progress)
-    scale_px = projector_px_per_px(places, mask)
+    scale_px = projector_px_per_px(places, mask, alike)
     least_px = _CREASE_PITCHES * pitch_px.min() / scale_px
     found = translucent_map(fits.gain, mask, least_px, ~suspects, near)
-    found = up_to_jumps(found, suspects, places, scale_px)
+    found = up_to_jumps(found, suspects, places, scale_px, alike)
     if not all(design.is_grid for design in stack.designs):
         found[:] = False
         warnings += (_NO_GRID,)
@@ -174,7 +176,7 @@ def fit_ranges(
 def _sampled(stack: HarmonicsStack, sample: Sample, optics: SceneOptics) -> Located:
     """The pixels of the sample."""
     places = decode(sample.harmonics, stack.designs, optics.tables, stack.projector_px)
-    shapes = sample.footprints(places.place_px.mean(axis=-1))
+    shapes = sample.footprints(places.place_px.mean(axis=-1), optics.alike)
     light = sample.white.astype(np.float64)
     return Located(
         sample.harmonics, light, places, optics.gains(shapes), optics.blur_deviations(shapes)
@@ -237,8 +239,9 @@ def _settle_edges(
 
     `seen_px` has the place of each colour, `places_px` of all together.
     """
-    scale_px = projector_px_per_px(places_px, mask)
-    suspects = near_jumps(places_px, mask, scale_px)
+    alike = optics.alike
+    scale_px = projector_px_per_px(places_px, mask, alike)
+    suspects = near_jumps(places_px, mask, scale_px, alike)
     setting = Setting(stack.designs, stack.projector_px, optics.tables, optics.noise_gains)
     settled = np.zeros(suspects.shape, bool)
 
@@ -247,14 +250,16 @@ def _settle_edges(
         harmonics = pixels_of(stack.harmonics(white, lines), chosen)
         light = white[lines][chosen].astype(np.float64)
         places = seen_px[:, lines][:, chosen].astype(np.float64)
-        gains = optics.gains(footprints(places_px[:, lines], mask[lines])[:, chosen])
+        shapes = footprints(places_px[:, lines], mask[lines], alike=alike)[:, chosen]
         pixels = np.stack(np.nonzero(chosen))
         pixels[0] += lines.start
         variance = optics.variance(light)
         beside = places_beside(places_px, pixels)
-        two = fit_two_places(setting, Seen(harmonics, places, gains, light, variance, beside))
+        two = fit_two_places(
+            setting, Seen(harmonics, places, optics.gains(shapes), light, variance, beside)
+        )
         pixels = pixels[:, two.pixels]
-        believed = two.hopeless | seen_beside(places_px, pixels, two.second_px, scale_px)
+        believed = two.hopeless | seen_beside(places_px, pixels, two.second_px, scale_px, alike)
         two, pixels = two.only(believed), pixels[:, believed]
         fits.correct(
             pixels,

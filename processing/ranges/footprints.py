@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.ranges.place_lattice import UNIQUE, PlaceLattice
+
 Array = NDArray[np.float64]
 
 # Steeper than this many times the typical pixel is taken for an error of decoding.
@@ -29,7 +31,10 @@ _SURFACE_PX = 5
 
 
 def footprints(
-    places_px: NDArray[np.floating], mask: NDArray[np.bool_], step_px: float = 1.0
+    places_px: NDArray[np.floating],
+    mask: NDArray[np.bool_],
+    step_px: float = 1.0,
+    alike: PlaceLattice = UNIQUE,
 ) -> Array:
     """J J'ᵀ of every pixel in projector pixels squared, float64, (3, height, width): yy, xx, yx.
 
@@ -41,10 +46,12 @@ def footprints(
         bool, (height, width), where they are known.
     step_px
         Distance between the pixels given, in camera pixels.
+    alike
+        Places that look alike.
     """
     known = np.where(mask, places_px, np.nan).astype(np.float64)
     # (y or x of the place, along columns or lines, height, width)
-    slopes = np.stack([_slope(known, axis) / step_px for axis in (1, 2)], axis=1)
+    slopes = np.stack([_slope(known, axis, alike) / step_px for axis in (1, 2)], axis=1)
     size = np.sum(slopes**2, axis=(0, 1))
     if not np.isfinite(size).any():
         return np.broadcast_to(np.array([1.0, 1.0, 0.0])[:, None, None], (3, *size.shape)).copy()
@@ -68,12 +75,12 @@ def _mean_over(slopes: Array, sound: NDArray[np.bool_]) -> Array:
     return mean
 
 
-def _slope(values: Array, axis: int) -> Array:
+def _slope(values: Array, axis: int, alike: PlaceLattice) -> Array:
     """Mean of the differences to the next and from the last pixel, or the smaller of the two.
 
     The smaller one where they differ much, the only one where there is one; else NaN.
     """
-    step = np.diff(values, axis=axis)
+    step = alike.shortest(np.diff(values, axis=axis))
     edge = [(0, 0)] * values.ndim
     edge[axis] = (0, 1)
     ahead = np.pad(step, edge, constant_values=np.nan)

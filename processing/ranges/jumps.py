@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from processing.ranges.place_lattice import UNIQUE, PlaceLattice
+
 Array = NDArray[np.float64]
 _Lines = tuple[slice, slice]
 
@@ -20,7 +22,10 @@ _AGREEMENT_PX = 2.0
 
 
 def near_jumps(
-    places_px: NDArray[np.floating], mask: NDArray[np.bool_], scale_px: float
+    places_px: NDArray[np.floating],
+    mask: NDArray[np.bool_],
+    scale_px: float,
+    alike: PlaceLattice = UNIQUE,
 ) -> NDArray[np.bool_]:
     """Pixels beside which the place on the projector jumps, bool, (height, width).
 
@@ -32,9 +37,11 @@ def near_jumps(
         bool, (height, width), where they are known.
     scale_px
         Usual distance on the projector between neighbouring pixels.
+    alike
+        Places that look alike.
     """
     jumps = np.zeros(mask.shape, bool)
-    for ahead, behind, step_px in _neighbours(places_px):
+    for ahead, behind, step_px in _neighbours(places_px, alike):
         jumped = (step_px > _JUMP_PX * scale_px) & mask[ahead] & mask[behind]
         jumps[ahead] |= jumped
         jumps[behind] |= jumped
@@ -67,7 +74,11 @@ def places_beside(places_px: NDArray[np.floating], pixels: NDArray[np.int64]) ->
 
 
 def seen_beside(
-    places_px: NDArray[np.floating], pixels: NDArray[np.int64], second_px: Array, scale_px: float
+    places_px: NDArray[np.floating],
+    pixels: NDArray[np.int64],
+    second_px: Array,
+    scale_px: float,
+    alike: PlaceLattice = UNIQUE,
 ) -> NDArray[np.bool_]:
     """Whether a pixel nearby sees the second place as its only one.
 
@@ -75,7 +86,7 @@ def seen_beside(
 
     Parameters
     ----------
-    places_px, scale_px
+    places_px, scale_px, alike
         As for `near_jumps`.
     pixels
         (2, n): rows and columns.
@@ -89,9 +100,9 @@ def seen_beside(
         for right in offsets:
             row = np.clip(pixels[0] + down, 0, height - 1)
             column = np.clip(pixels[1] + right, 0, width - 1)
-            apart = np.abs(places_px[:, row, column] - second_px).max(axis=0)
+            apart = np.abs(alike.shortest(places_px[:, row, column] - second_px)).max(axis=0)
             agreed |= apart < _AGREEMENT_PX * scale_px
-    away = np.abs(places_px[:, pixels[0], pixels[1]] - second_px).max(axis=0)
+    away = np.abs(alike.shortest(places_px[:, pixels[0], pixels[1]] - second_px)).max(axis=0)
     second: NDArray[np.bool_] = agreed & (away > _JUMP_PX * scale_px)
     return second
 
@@ -101,6 +112,7 @@ def up_to_jumps(
     undecided: NDArray[np.bool_],
     places_px: NDArray[np.floating],
     scale_px: float,
+    alike: PlaceLattice = UNIQUE,
 ) -> NDArray[np.bool_]:
     """A region with those undecided pixels beside it that see the same surface.
 
@@ -110,11 +122,11 @@ def up_to_jumps(
         bool, (height, width).
     undecided
         bool, (height, width): pixels beside a jump, of which nothing is known.
-    places_px, scale_px
+    places_px, scale_px, alike
         As for `near_jumps`.
     """
     grown = region.copy()
-    for ahead, behind, step_px in _neighbours(places_px):
+    for ahead, behind, step_px in _neighbours(places_px, alike):
         same = step_px < _JUMP_PX * scale_px
         grown[ahead] |= region[behind] & same & undecided[ahead]
         grown[behind] |= region[ahead] & same & undecided[behind]
@@ -122,7 +134,7 @@ def up_to_jumps(
 
 
 def _neighbours(
-    places_px: NDArray[np.floating],
+    places_px: NDArray[np.floating], alike: PlaceLattice
 ) -> Iterator[tuple[_Lines, _Lines, NDArray[np.floating]]]:
     """Pixels, those above or left of them, and how far their places are apart, each way."""
     on, back, every = slice(1, None), slice(None, -1), slice(None)
@@ -130,4 +142,4 @@ def _neighbours(
         (1, (on, every), (back, every)),
         (2, (every, on), (every, back)),
     ):
-        yield ahead, behind, np.abs(np.diff(places_px, axis=axis)).max(axis=0)
+        yield ahead, behind, np.abs(alike.shortest(np.diff(places_px, axis=axis))).max(axis=0)

@@ -12,6 +12,7 @@ from processing.frames.gathering import HarmonicsStack
 from processing.ranges.blur import BLUR_UNSURE, Blur, adjusted
 from processing.ranges.correspondence import decode
 from processing.ranges.footprints import footprints
+from processing.ranges.place_lattice import UNIQUE, PlaceLattice
 from processing.ranges.response import ResponseTables
 from processing.ranges.slopes import slopes
 from processing.remarks import Remark
@@ -56,11 +57,11 @@ class Sample:
     usable: NDArray[np.bool_]
     stride_px: int
 
-    def footprints(self, places_px: Array) -> Array:
+    def footprints(self, places_px: Array, alike: PlaceLattice = UNIQUE) -> Array:
         """(3, n), see `processing.ranges.footprints`, from (2, n) places."""
         spread = np.full((2, *self.usable.shape), np.nan)
         spread[:, self.usable] = places_px
-        found: Array = footprints(spread, self.usable, self.stride_px)[:, self.usable]
+        found: Array = footprints(spread, self.usable, self.stride_px, alike)[:, self.usable]
         return found
 
 
@@ -73,11 +74,12 @@ def measured_blur(
     """
     blur = [Blur(_SHARP_PX2) for _ in range(sample.white.shape[1])]
     bright = sample.white > _BRIGHT_FRACTION * np.percentile(sample.white, 99.5)
+    alike = PlaceLattice.of(stack.designs, stack.projector_px)
     unsure = False
     for _ in range(_BLUR_ROUNDS):
         tables = tables_for(stack, blur, np.zeros(1))
         places = decode(sample.harmonics, stack.designs, tables, stack.projector_px)
-        shapes = sample.footprints(places.place_px.mean(axis=-1))
+        shapes = sample.footprints(places.place_px.mean(axis=-1), alike)
         typical_px2 = float(np.median(shapes[:2]))
         unsure = False
         for colour, (one, table) in enumerate(zip(blur, tables, strict=True)):
@@ -96,7 +98,9 @@ def measured_blur(
     return tuple(blur), (BLUR_UNSURE,) if unsure else ()
 
 
-def projector_px_per_px(places_px: NDArray[np.floating], mask: NDArray[np.bool_]) -> float:
+def projector_px_per_px(
+    places_px: NDArray[np.floating], mask: NDArray[np.bool_], alike: PlaceLattice = UNIQUE
+) -> float:
     """Typical distance on the projector between neighbouring pixels.
 
     Parameters
@@ -105,12 +109,14 @@ def projector_px_per_px(places_px: NDArray[np.floating], mask: NDArray[np.bool_]
         (2, height, width), y and x.
     mask
         bool, (height, width), where they are known.
+    alike
+        Places that look alike.
     """
     both = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:]
     if not both.any():
         return 1.0
-    down = np.diff(places_px, axis=1)[:, :, :-1][:, both]
-    right = np.diff(places_px, axis=2)[:, :-1][:, both]
+    down = alike.shortest(np.diff(places_px, axis=1)[:, :, :-1][:, both])
+    right = alike.shortest(np.diff(places_px, axis=2)[:, :-1][:, both])
     return max(float(np.median(np.sqrt(np.sum(down**2 + right**2, axis=0) / 2))), 0.1)
 
 
