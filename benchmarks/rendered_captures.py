@@ -32,7 +32,7 @@ CONDITIONS = {
 }
 FULL_WELL_E, READ_NOISE_E, BITS = 20_000.0, 5.0, 14
 # Brightest white, apart from highlights, as a fraction of full scale.
-_EXPOSURE = 0.8
+EXPOSURE = 0.8
 PATHS = 1024
 
 
@@ -96,7 +96,7 @@ def projector_px_per_camera_px(scene: Scenery) -> float:
 
 
 def _gain(white: Image) -> float:
-    return _EXPOSURE / float(np.percentile(white.max(axis=-1), 99.5))
+    return EXPOSURE / float(np.percentile(white.max(axis=-1), 99.5))
 
 
 def captured(rendered: Rendered, condition: str, seed: int = 0) -> Captured:
@@ -107,14 +107,14 @@ def captured(rendered: Rendered, condition: str, seed: int = 0) -> Captured:
     white = np.sum(list(truth.values()), axis=0)
     gain = _gain(white)
     shape = white.shape
-    black = _exposed(np.zeros(shape, np.float32), rng)
-    seen_white = _exposed(white * gain, rng)
+    black = exposed(np.zeros(shape, np.float32), rng)
+    seen_white = exposed(white * gain, rng)
     saturated = (seen_white >= 1).any(axis=-1)
     seen_white = seen_white - black
     stack = HarmonicsStack(rendered.patterns, shape, scenery_projector_px())
     extrema = {design.pitch_px: ExtremaSeparation(shape) for design in stack.designs}
     for index, pattern in enumerate(rendered.patterns):
-        frame = _exposed(_defocused(rendered.frame(index), lens_px) * gain, rng) - black
+        frame = exposed(_defocused(rendered.frame(index), lens_px) * gain, rng) - black
         stack.add(frame, pattern)
         extrema[pattern.pitch_px].add(frame)
     rows = [extrema[d.pitch_px].separate(seen_white).direct_light for d in stack.designs]
@@ -136,7 +136,7 @@ def _defocused(image: Image, lens_px: float) -> Image:
     return blurred
 
 
-def _exposed(light: Image, rng: np.random.Generator | None) -> Image:
+def exposed(light: Image, rng: np.random.Generator | None) -> Image:
     """One exposure, fractions of full scale: shot and read noise, 14 bits, clipped at 1."""
     if rng is None:
         return np.minimum(light, 1).astype(np.float32)
