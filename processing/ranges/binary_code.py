@@ -44,6 +44,8 @@ _MOST_MISFIT, _TYPICAL_WEIGHT = 0.3, 0.05
 # A place is taken from beside the pixel before where its mean square misfit is below this.
 _EXPLAINED, _NEAR_STEPS = 0.01, 12
 _LATTICE = 0.25
+# Stripes that are wide, in finest pitches, and what is left of contrast at their edges.
+_WIDE, _AT_EDGE = 4.0, 0.5
 # Newton's steps; of a difference's misfit, what the model leaves and where it is an outlier.
 _ROUNDS = 7
 _MODEL_ERROR, _OUTLIER = 0.04, 0.25
@@ -72,7 +74,7 @@ class BinaryCode:
     contrast
         (pitches,), typical contrast of direct light.
     extent_px
-        How many pixels the projector has along the axis, or after how many the patterns repeat.
+        Up to where places are looked for.
     """
 
     chosen: NDArray[np.int64]
@@ -129,16 +131,40 @@ class BinaryCode:
                 break
         return away.astype(np.float32)
 
+    def misfit(self, relative: Single) -> float:
+        """Mean square that the best place leaves at edges of wide stripes, over all pitches.
+
+        In the middle of all stripes a pixel reads as some place in any code. At the edge of one
+        the others stand as only this code has them.
+
+        Parameters
+        ----------
+        relative
+            (pitches, n) of the chosen differences.
+        """
+        wide = self.waves.pitch_px >= _WIDE * self.waves.pitch_px.min()
+        faint = np.abs(relative) < (_AT_EDGE * self.contrast)[:, np.newaxis]
+        edges = faint[wide].any(axis=0)
+        looked_at = relative[:, edges] if edges.any() else relative
+        seen = np.ascontiguousarray(looked_at.T[:, np.newaxis])
+        _, cost = self._found(seen, np.ones((len(seen), 1), bool))
+        return float(np.mean(cost)) / len(relative)
+
     def _coarse(self, seen: Single, mask: NDArray[np.bool_]) -> Array:
+        places, _ = self._found(seen, mask)
+        return places
+
+    def _found(self, seen: Single, mask: NDArray[np.bool_]) -> tuple[Array, Single]:
+        """Places on the lattice, and the misfits that they leave."""
         step_px = self.waves.pitch_px.min() * _LATTICE
         lattice = np.arange(step_px / 2, self.extent_px, step_px)
         waves = first_waves(self.waves, lattice)
         least = (_LEAST_SHARE * self.contrast).astype(np.float32)
         most = np.minimum(_MOST_SHARE * self.contrast, _MOST).astype(np.float32)
         typical = self.contrast.astype(np.float32)
-        index = np.zeros(mask.shape, np.int64)
-        _search(seen, mask, waves, least, most, typical, index)
-        return np.where(mask, lattice[index], 0.0)
+        index, cost = np.zeros(mask.shape, np.int64), np.zeros(mask.shape, np.float32)
+        _search(seen, mask, waves, least, most, typical, index, cost)
+        return np.where(mask, lattice[index], 0.0), cost
 
     def _measured(
         self,
@@ -206,7 +232,8 @@ def binary_codes(
         # Wider stripes keep no less.
         typical = np.minimum(np.maximum.accumulate(contrast[chosen]), 1.0)
         period_px = 2.0 * float(np.lcm.reduce(waves.pitch_px[chosen].astype(np.int64)))
-        extent_px = min(float(projector_px[axis]), period_px)
+        # A code may begin left of the raster, to be even about its middle.
+        extent_px = min(2.0 * float(projector_px[axis]), period_px)
         codes.append(BinaryCode(chosen, waves.only(chosen), typical, extent_px))
     return codes[0], codes[1]
 
@@ -236,8 +263,8 @@ def _misfits(seen, waves, least, most, typical, begin, end, cost):  # type: igno
 
 
 @compiled
-def _search(seen, mask, waves, least, most, typical, index):  # type: ignore[no-untyped-def]
-    """Best place of every pixel on the lattice."""
+def _search(seen, mask, waves, least, most, typical, index, left):  # type: ignore[no-untyped-def]
+    """Best place of every pixel on the lattice, and its misfit."""
     n_places = waves.shape[1]
     cost = np.empty(n_places, np.float32)
     explained = np.float32(_EXPLAINED * len(waves))
@@ -254,7 +281,7 @@ def _search(seen, mask, waves, least, most, typical, index):  # type: ignore[no-
             if last >= 0 and cost[best] > explained:
                 _misfits(seen[y, x], waves, least, most, typical, 0, n_places, cost)
                 best = int(np.argmin(cost))
-            index[y, x] = best
+            index[y, x], left[y, x] = best, cost[best]
             last = best
 
 

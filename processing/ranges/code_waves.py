@@ -59,10 +59,21 @@ class CodeWaves:
         spread_px: Sequence[float] | Array,
         blur_px2: float,
         box_px: float = 0.0,
+        *,
+        half_on: bool = False,
     ) -> CodeWaves:
-        """Waves of pairs; parameters as for `processing.ranges.response.ResponseTables.of`."""
+        """Waves of pairs.
+
+        Parameters
+        ----------
+        designs, spread_px, blur_px2, box_px
+            As for `processing.ranges.response.ResponseTables.of`.
+        half_on
+            Every pattern stands half of its pitch from where it is said to, as the bits of a Gray
+            code stand to those of the binary number.
+        """
         footprint = Footprint.of(spread_px, blur_px2, box_px)
-        waves = [_wave(design, footprint) for design in designs]
+        waves = [_wave(design, footprint, half_on=half_on) for design in designs]
         slopes = [_slope(one[:, 0]) for one in waves]
         ends = np.cumsum([len(one) for one in waves])
         return cls(
@@ -87,7 +98,7 @@ class CodeWaves:
         )
 
 
-def _wave(design: PitchDesign, footprint: Footprint) -> Array:
+def _wave(design: PitchDesign, footprint: Footprint, *, half_on: bool) -> Array:
     """(bins, spreads) of one pitch, as its first pattern is shifted."""
     pitch_px = design.pitch_px
     places = np.arange(2 * pitch_px * BINS_PER_PX) / BINS_PER_PX
@@ -98,7 +109,8 @@ def _wave(design: PitchDesign, footprint: Footprint) -> Array:
             wave[:, k] = _edges(places, pitch_px, float(footprint.sigma_px[k]), footprint.box_px)
     shown = design.patterns[0]
     shift_px = shown.shift_x_px if design.family.varies_right else shown.shift_y_px
-    wave = np.roll(wave, -shift_px * BINS_PER_PX, axis=0)
+    shift = shift_px * BINS_PER_PX + half_on * pitch_px * BINS_PER_PX // 2
+    wave = np.roll(wave, -shift, axis=0)
     return np.concatenate([wave, wave[:1]])
 
 

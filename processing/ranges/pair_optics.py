@@ -26,6 +26,10 @@ Image = NDArray[np.float32]
 Array = NDArray[np.float64]
 
 _BLUR_ROUNDS = 4
+# Pixels that tell which code it is.
+_LOOKED_AT = 8000
+# The code leaves less than this part of what another one would.
+_CLEAR = 0.8
 _SHARP_PX2 = 0.3
 _BRIGHT_FRACTION = 0.05
 # Squares of the picture that are looked at, their side, and lines between them.
@@ -36,11 +40,15 @@ _LEAST_POWER, _NEIGHBOURHOOD_PX = 0.1, 7
 
 @dataclass(frozen=True, slots=True)
 class MeasuredCode:
-    """Codes down and right, the pitches that they hold, and the blur of each colour."""
+    """Codes down and right, the pitches that they hold, and the blur of each colour.
+
+    `half_on` as in `CodeWaves.of`.
+    """
 
     codes: tuple[BinaryCode | None, BinaryCode | None]
     chosen: NDArray[np.int64]
     blur: tuple[Blur, ...]
+    half_on: bool
     warnings: tuple[Remark, ...]
 
 
@@ -74,16 +82,21 @@ def measured_code(
     tiles = _tiles(stack, white, mask)
     found = [Blur(_SHARP_PX2) for _ in range(white.shape[2])] if blur is None else list(blur)
     unsure = False
-    codes, chosen = _codes(stack, tiles, found)
+    half_on, told = _stands_half_on(stack, tiles, found)
+    codes, chosen = _codes(stack, tiles, found, half_on=half_on)
     if blur is None:
         for _ in range(_BLUR_ROUNDS):
-            found, unsure = _sharpened(stack, tiles, noise, found, codes, chosen)
-            codes, chosen = _codes(stack, tiles, found)
+            found, unsure = _sharpened(stack, tiles, noise, found, codes, chosen, half_on=half_on)
+            codes, chosen = _codes(stack, tiles, found, half_on=half_on)
     warnings: tuple[Remark, ...] = (BLUR_UNSURE,) if unsure else ()
     lost = [design for k, design in enumerate(stack.designs) if k not in set(chosen.tolist())]
     if lost:
         warnings += (_unresolved([f"{one.family}:{one.pitch_px}" for one in lost]),)
-    return MeasuredCode(codes, chosen, tuple(found), warnings)
+    if half_on:
+        warnings += (_GRAY,)
+    if not told:
+        warnings += (_UNCLEAR,)
+    return MeasuredCode(codes, chosen, tuple(found), half_on, warnings)
 
 
 def decoded_places(
@@ -157,14 +170,37 @@ def _tiles(stack: HarmonicsStack, white: Image, mask: NDArray[np.bool_]) -> _Til
     return _Tiles(differences, light, usable)
 
 
-def _codes(
+def _stands_half_on(
     stack: HarmonicsStack, tiles: _Tiles, blur: Sequence[Blur]
+) -> tuple[bool, bool]:
+    """Whether the patterns stand half a pitch from where they are said to, and if that is clear.
+
+    Where they are the bits of a Gray code, that leaves less of the differences unexplained than patterns that stand as they are said.
+    """
+    relative = _together(tiles)
+    relative = relative[:, :: max(relative.shape[1] // _LOOKED_AT, 1)]
+    misfits = []
+    for half_on in (False, True):
+        codes, _ = _codes(stack, tiles, blur, half_on=half_on)
+        each = [one.misfit(relative[one.chosen]) for one in codes if one is not None]
+        misfits.append(float(np.mean(each)))
+    return misfits[1] < misfits[0], min(misfits) < _CLEAR * max(misfits)
+
+
+def _together(tiles: _Tiles) -> Image:
+    """Differences over white, all colours together, (pitches, n)."""
+    light = np.where(tiles.mask, tiles.white.sum(axis=-1), 0)
+    return relative_to(light, tiles.differences.sum(axis=-1))[:, tiles.mask]
+
+
+def _codes(
+    stack: HarmonicsStack, tiles: _Tiles, blur: Sequence[Blur], *, half_on: bool
 ) -> tuple[tuple[BinaryCode | None, BinaryCode | None], NDArray[np.int64]]:
     middle = blur[len(blur) // 2]
-    waves = CodeWaves.of(stack.designs, np.zeros(1), middle.side_px2, middle.box_px)
-    light = np.where(tiles.mask, tiles.white.sum(axis=-1), 0)
-    relative = relative_to(light, tiles.differences.sum(axis=-1))[:, tiles.mask]
-    codes = binary_codes(waves, relative, stack.projector_px)
+    waves = CodeWaves.of(
+        stack.designs, np.zeros(1), middle.side_px2, middle.box_px, half_on=half_on
+    )
+    codes = binary_codes(waves, _together(tiles), stack.projector_px)
     members = [code.chosen for code in codes if code is not None]
     if not members:
         raise ValueError(
@@ -181,6 +217,8 @@ def _sharpened(
     blur: Sequence[Blur],
     codes: tuple[BinaryCode | None, BinaryCode | None],
     chosen: NDArray[np.int64],
+    *,
+    half_on: bool,
 ) -> tuple[list[Blur], bool]:
     """The blur at which contrast depends on pitch as little as it does in most pixels."""
     designs = [stack.designs[k] for k in chosen]
@@ -196,7 +234,9 @@ def _sharpened(
         located = replace(
             one, footprint_px2=typical_px2, box_px=BOX_MARGIN * float(np.sqrt(typical_px2))
         )
-        waves = CodeWaves.of(designs, np.zeros(1), located.side_px2, located.box_px)
+        waves = CodeWaves.of(
+            designs, np.zeros(1), located.side_px2, located.box_px, half_on=half_on
+        )
         light = np.where(tiles.mask, tiles.white[..., colour], 0)
         relative = relative_to(light, differences[..., colour])
         slopes, told = _slopes(waves, relative, places[..., colour], tiles.mask)
@@ -233,6 +273,24 @@ def _slopes(
             told &= power > _LEAST_POWER * np.median(power[mask])
         slopes[k] = along / np.maximum(power, 1e-9)
     return slopes, told
+
+
+_GRAY = Remark(
+    what="The stripes stand half of their pitch from where the session says, all of them: the bits "
+    "of a Gray code, not of the binary number.",
+    meaning="They were decoded as a Gray code. Single pitches do not depend on it.",
+    remedy="Correct the shifts by half a pitch before they are used for anything else.",
+)
+
+
+_UNCLEAR = Remark(
+    what="Stripes that stand where the session says explain the frames hardly better or worse than "
+    "a Gray code would.",
+    meaning="The frames may show other patterns than is said; then places are wrong, and with them "
+    "all components.",
+    remedy="Compare the shifts that the session has with what was shown; light, focus and contrast "
+    "decide how clear it is.",
+)
 
 
 def _unresolved(names: list[str]) -> Remark:

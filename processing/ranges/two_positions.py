@@ -143,7 +143,10 @@ def decompose_pairs(
     accounts = opaque(told_px), translucent(told_px)
     grid = spread_grid(told_px)
     designs = [stack.designs[k] for k in measured.chosen]
-    waves = tuple(CodeWaves.of(designs, grid, one.side_px2, one.box_px) for one in measured.blur)
+    waves = tuple(
+        CodeWaves.of(designs, grid, one.side_px2, one.box_px, half_on=measured.half_on)
+        for one in measured.blur
+    )
     few = [0, *(int(np.argmin(np.abs(grid - one * told_px.min()))) for one in RANGES)]
     optics = _Optics(
         measured.codes,

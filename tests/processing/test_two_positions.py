@@ -185,6 +185,39 @@ def test_diffusion_is_recognised_where_it_is() -> None:
     assert outside < 0.05
 
 
+def test_a_gray_code_is_recognised_behind_the_shifts_of_a_binary_one() -> None:
+    """Stripes shown half a pitch on, announced without: what many scanners show and tables say."""
+    light = scene()
+    announced = pairs()
+    stack = HarmonicsStack(announced, light.white.shape, PROJECTOR_PX)
+    rng = np.random.default_rng(0)
+    for pattern in announced:
+        on, down = pattern.pitch_px // 2, pattern.family.varies_down
+        shift = (pattern.shift_y_px + on * down, pattern.shift_x_px + on * (not down))
+        frame = light.frame(Pattern(pattern.family, pattern.pitch_px, *shift))
+        stack.add((frame + rng.normal(0, 1e-3, frame.shape)).astype(np.float32), pattern)
+    found = decompose_pairs(stack, EVERYWHERE)
+    assert any("Gray code" in one.what for one in found.warnings)
+    truth = light.parts[0.0].astype(np.float32)
+    assert relative_error(found.components[0], truth, EVERYWHERE) < 0.03
+
+
+def test_frames_of_no_code_are_told() -> None:
+    """Every pitch shown at a shift of its own, which the session does not know."""
+    light = scene()
+    announced = pairs()
+    stack = HarmonicsStack(announced, light.white.shape, PROJECTOR_PX)
+    for pattern in announced:
+        on, down = pattern.pitch_px * 7 // 10, pattern.family.varies_down
+        on += pattern.pitch_px // 4 * (pattern.pitch_px in {8, 32})
+        shift = (pattern.shift_y_px + on * down, pattern.shift_x_px + on * (not down))
+        stack.add(light.frame(Pattern(pattern.family, pattern.pitch_px, *shift)), pattern)
+    found = decompose_pairs(stack, EVERYWHERE)
+    assert any("may show other patterns" in one.meaning for one in found.warnings)
+    sound = decompose_pairs(gathered(light, announced), EVERYWHERE)
+    assert not any("may show other patterns" in one.meaning for one in sound.warnings)
+
+
 def test_pitches_that_are_not_resolved_are_left_out_and_said() -> None:
     found = decompose_pairs(gathered(scene(blur_px=2.5), pairs()), EVERYWHERE)
     (said,) = (one for one in found.warnings if "left out" in one.what)
