@@ -175,7 +175,8 @@ def _stands_half_on(
 ) -> tuple[bool, bool]:
     """Whether the patterns stand half a pitch from where they are said to, and if that is clear.
 
-    Where they are the bits of a Gray code, that leaves less of the differences unexplained than patterns that stand as they are said.
+    Where they are the bits of a Gray code, that leaves less of the differences unexplained than
+    patterns that stand as they are said to.
     """
     relative = _together(tiles)
     relative = relative[:, :: max(relative.shape[1] // _LOOKED_AT, 1)]

@@ -62,7 +62,7 @@ _BothFits = tuple[AccountFit, AccountFit]
 # and in standard deviations of the blur.
 _SHORTEST_PX, _SHORTEST_BLURS = 8.0, 4.0
 # Creases look translucent within some pitches' width, measured on the projector.
-_CREASE_PITCHES = 2.0
+_CREASE_PITCHES = 3.0
 # Pixels of a band; more of them leave less to be decoded twice.
 _BAND_PIXELS = 1 << 19
 # The model's errors are this many times those that all shifts leave, on path-traced scenes.
