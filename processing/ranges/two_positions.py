@@ -240,7 +240,8 @@ class _Work:
         sampled: list[list[_BothFits]],
     ) -> None:
         chosen = self._mask[lines]
-        light = white[chosen].astype(np.float64)
+        # Noise may leave less than none.
+        light = np.maximum(white[chosen], 0).astype(np.float64)
         fits = []
         for colour, pair in enumerate(pairs):
             one, other = (_scaled(fit, light[:, colour]) for fit in pair.accounts)

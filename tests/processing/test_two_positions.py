@@ -148,6 +148,18 @@ def test_light_of_range_zero_is_direct_and_the_rest_is_not() -> None:
     assert np.mean(off <= found.deviations[0]) > 0.6
 
 
+def test_errors_stay_finite_where_noise_leaves_a_colour_less_than_no_light() -> None:
+    """Its errors are no larger than those of colours with light."""
+    light = scene()
+    for part in light.parts.values():
+        part[..., 2] = 0
+    found = decompose_pairs(gathered(light, pairs()), EVERYWHERE)
+    assert (found.white[..., 2] < 0).any()
+    assert np.isfinite(found.deviations).all()
+    assert found.components.min() >= 0
+    assert found.deviations[..., 2].max() < found.deviations[..., 0].max()
+
+
 def test_direct_light_at_a_depth_edge_is_that_of_both_surfaces() -> None:
     """Pixels of one column see half of either side."""
     near, far = slanted(SHAPE, SCALE), stepped()
