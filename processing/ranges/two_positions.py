@@ -179,7 +179,13 @@ def decompose_pairs(
     )
     warnings += _cautions(work.hopeless[mask])
     result = assemble(capture, work.fits, found, work.sample(), warnings)
-    return replace(result, model_errors=_ERRORS_OF_A_CODE * result.model_errors)
+    # No light is off by more than all there is.
+    lit = np.maximum(white, 0)
+    return replace(
+        result,
+        noise_errors=np.fmin(result.noise_errors, lit),
+        model_errors=np.fmin(_ERRORS_OF_A_CODE * result.model_errors, lit),
+    )
 
 
 def _told_apart(pitch_px: Array, blur_px: float) -> Array:
@@ -305,7 +311,7 @@ class _Work:
     ) -> None:
         pixels = np.stack(np.nonzero(chosen))
         pixels[0] += lines.start
-        light = self._white[lines][chosen]
+        light = np.maximum(self._white[lines][chosen], 0)
         differences = self._stack.differences(lines)[self._optics.chosen][:, chosen]
         shapes = footprints(joint[:, lines], self._mask[lines])[:, chosen]
         relative = relative_to(light, differences)
