@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+
 import pytest
 
 import acquire  # noqa: F401 - before numpy, whose threads it limits
@@ -17,6 +19,12 @@ LONG = (
     "tests/processing/test_ranges.py",
     "tests/acquire/test_pipeline.py",
 )
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores: many tests wait for a program, a window or a camera."""
+    return (os.cpu_count() or 1) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

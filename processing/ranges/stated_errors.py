@@ -36,9 +36,9 @@ SIGNS = ("misfit", "rivalry", "roughness", "doubt", "mixture", "defocus")
 # One row a component: direct, subsurface, inter-reflection; columns as `SIGNS`.
 COEFFICIENTS = np.array(
     [
-        [0.33, 0.16, 0.43, 0.21, 0.11, 2.1],
-        [0.0, 0.18, 3.08, 1.24, 0.12, 0.0],
-        [0.41, 0.11, 0.37, 0.25, 0.05, 1.98],
+        [0.26, 0.15, 0.48, 0.17, 0.1, 1.31],
+        [0.0, 0.14, 1.87, 1.0, 0.17, 0.0],
+        [0.36, 0.11, 0.43, 0.19, 0.04, 1.06],
     ]
 )
 _MEDIAN_PX, _MEAN_PX = 3, 5

@@ -81,7 +81,8 @@ def test_light_that_may_be_subsurface_is_uncertain_in_both_names() -> None:
     scattered = nothing + 0.1
     found = signs(np.zeros_like(even), even, nothing + 0.5, scattered, nothing > 0, EVERYWHERE)
     direct, subsurface, rest = model_errors(found, 0.0)
-    assert np.all(subsurface > 0.1)
+    # By half of it at least: the coefficient itself is what calibration says.
+    assert np.all(subsurface > 0.05)
     assert np.all((rest > 0) & (direct > 0))
 
 
