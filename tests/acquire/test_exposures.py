@@ -174,8 +174,7 @@ ABSENT = {
     "black": (lambda frame: frame.pattern.family is not Family.BLACK, "there is no black frame"),
     "complements": (
         lambda frame: (
-            frame.pattern.family.is_reference
-            or frame.pattern.shift_x_px < frame.pattern.pitch_px
+            frame.pattern.family.is_reference or frame.pattern.shift_x_px < frame.pattern.pitch_px
         ),
         "no pattern has its complement",
     ),
