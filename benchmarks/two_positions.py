@@ -23,7 +23,7 @@ from benchmarks.rendering import Rendered, render
 from processing.frames.gathering import HarmonicsStack
 from processing.metrics import relative_error
 from processing.patterns import Family, Pattern
-from processing.ranges.two_positions import decompose_pairs
+from processing.ranges.two_positions.decomposition import decompose_pairs
 
 Image = NDArray[np.float32]
 

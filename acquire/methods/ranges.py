@@ -21,7 +21,7 @@ from processing.frames.harmonics import PitchHarmonics
 from processing.patterns import Family, Pattern
 from processing.ranges.decomposition import decompose_ranges
 from processing.ranges.result import RangeDecomposition
-from processing.ranges.two_positions import decompose_pairs
+from processing.ranges.two_positions.decomposition import decompose_pairs
 
 HARMONICS = ".harmonics"
 # Where a projector's size was not recorded, its pixels are looked for within the largest there is.

@@ -10,9 +10,9 @@ from processing.frames.gathering import HarmonicsStack
 from processing.frames.harmonics import PitchDesign
 from processing.metrics import relative_error
 from processing.patterns import Family, Pattern
-from processing.ranges.binary_code import binary_codes, relative_to
-from processing.ranges.code_waves import CodeWaves
-from processing.ranges.two_positions import decompose_pairs
+from processing.ranges.two_positions.binary_code import binary_codes, relative_to
+from processing.ranges.two_positions.code_waves import CodeWaves
+from processing.ranges.two_positions.decomposition import decompose_pairs
 from tests.processing.light import PROJECTOR_PX, Scene, slanted
 
 SHAPE = (48, 56)

@@ -1,7 +1,7 @@
 """Fit of the ranges of light to differences of patterns and complements, with their neighbours.
 
 With r_k the difference of pitch k over white and s_kr(t) what light of range r adds to it at the
-pixel's place (`processing.ranges.code_waves`),
+pixel's place (`processing.ranges.two_positions.code_waves`),
 
     r_k = Σ_r x_r s_kr(t_k),   x ≥ 0,   Σ_r x_r = 1.
 
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from processing.numerics.linear_algebra import product
 from processing.ranges.account_fit import AccountFit, solve_account, take, workspace
 from processing.ranges.accounts import Account
-from processing.ranges.code_waves import CodeWaves
 from processing.ranges.kernels import compiled
 from processing.ranges.pixels import united
 from processing.ranges.response import bin_of
 from processing.ranges.rows import Single, multiply
+from processing.ranges.two_positions.code_waves import CodeWaves
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,8 @@
 
 The difference of a pattern and its complement, relative to white, is r = Σ_r x_r s_r(t), with x_r
 the share of light of range r and s_r the wave of the pattern at the pixel's place t
-(`processing.ranges.code_waves`). The signs of all pitches are a binary code. Along each axis:
+(`processing.ranges.two_positions.code_waves`). The signs of all pitches are a binary code. Along
+each axis:
 
 1. coarse: the place on a lattice at which all differences lie within what direct light of some to
    all of white would give. A pixel begins at the place of the one before and looks everywhere
@@ -24,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from processing.ranges.code_planes import gradients, smoothed
-from processing.ranges.code_waves import CodeWaves, first_waves
 from processing.ranges.kernels import compiled
 from processing.ranges.response import bin_of
+from processing.ranges.two_positions.code_planes import gradients, smoothed
+from processing.ranges.two_positions.code_waves import CodeWaves, first_waves
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from processing.frames.gathering import HarmonicsStack
-from processing.ranges.binary_code import (
+from processing.ranges.blur import BLUR_UNSURE, Blur, adjusted
+from processing.ranges.footprints import footprints
+from processing.ranges.optics import BOX_MARGIN
+from processing.ranges.two_positions.binary_code import (
     LEAST_PITCHES,
     BinaryCode,
     binary_codes,
     relative_to,
 )
-from processing.ranges.blur import BLUR_UNSURE, Blur, adjusted
-from processing.ranges.code_waves import CodeWaves, first_waves
-from processing.ranges.footprints import footprints
-from processing.ranges.optics import BOX_MARGIN
+from processing.ranges.two_positions.code_waves import CodeWaves, first_waves
 from processing.remarks import Remark
 
 Image = NDArray[np.float32]

@@ -1,12 +1,13 @@
 """Ranges of light from stripes in two positions one pitch apart, as a binary code is shown.
 
 Two positions tell no phase, but their signed differences are linear in the light all the same
-(`processing.ranges.pair_fit`), and all pitches together tell where every pixel looks
-(`processing.ranges.binary_code`). From the differences, and from no frame again:
+(`processing.ranges.two_positions.fit`), and all pitches together tell where every pixel looks
+(`processing.ranges.two_positions.binary_code`). From the differences, and from no frame again:
 
 1. the blur is measured on some parts of the picture;
 2. bands of lines are decoded and fitted, as opaque and as translucent surfaces;
-3. pixels that two places explain get the direct light of both (`processing.ranges.pair_edges`);
+3. pixels that two places explain get the direct light of both
+   (`processing.ranges.two_positions.edges`);
 4. the evidence between the accounts decides where there is subsurface scattering, as it does for
    all shifts (`processing.ranges.decomposition`).
 """
@@ -23,23 +24,11 @@ from processing.frames.gathering import HarmonicsStack
 from processing.frames.noise_lines import noise_lines
 from processing.numerics.linear_algebra import product
 from processing.numerics.threads import in_threads
-from processing.ranges import binary_code, pair_fit
 from processing.ranges.account_fit import AccountFit
 from processing.ranges.accounts import opaque, spread_grid, translucent
-from processing.ranges.binary_code import BinaryCode, relative_to
 from processing.ranges.blur import Blur
-from processing.ranges.code_waves import CodeWaves
 from processing.ranges.footprints import footprints
 from processing.ranges.optics import NOISE_UNKNOWN, projector_px_per_px
-from processing.ranges.pair_edges import (
-    RANGES,
-    SUSPECT,
-    EdgePixels,
-    candidate_pairs,
-    fit_edges,
-)
-from processing.ranges.pair_fit import PairFit, PairsFitted
-from processing.ranges.pair_optics import decoded_places, measured_code
 from processing.ranges.regions import translucent_map
 from processing.ranges.response import ResponseTables
 from processing.ranges.result import (
@@ -51,6 +40,19 @@ from processing.ranges.result import (
     lattice,
 )
 from processing.ranges.scattering import RivalFits
+from processing.ranges.two_positions.binary_code import HALO as CODE_HALO
+from processing.ranges.two_positions.binary_code import BinaryCode, relative_to
+from processing.ranges.two_positions.code_waves import CodeWaves
+from processing.ranges.two_positions.edges import (
+    RANGES,
+    SUSPECT,
+    EdgePixels,
+    candidate_pairs,
+    fit_edges,
+)
+from processing.ranges.two_positions.fit import HALO as FIT_HALO
+from processing.ranges.two_positions.fit import PairFit, PairsFitted
+from processing.ranges.two_positions.optics import decoded_places, measured_code
 from processing.remarks import Remark
 
 Image = NDArray[np.float32]
@@ -70,7 +72,7 @@ _ERRORS_OF_A_CODE = np.float32(2.0)
 _FIT_SHARE = 0.9
 # Standard error of direct light of two places, in parts of white.
 _TWO_PLACES_ERROR = 0.1
-_HALO = binary_code.HALO + pair_fit.HALO
+_HALO = CODE_HALO + FIT_HALO
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,8 +277,7 @@ class _Work:
         lines: slice,
     ) -> list[PairsFitted]:
         """Both accounts of each colour."""
-        halo = pair_fit.HALO
-        around = slice(max(lines.start - halo, 0), min(lines.stop + halo, len(mask)))
+        around = slice(max(lines.start - FIT_HALO, 0), min(lines.stop + FIT_HALO, len(mask)))
         inner = slice(lines.start - around.start, lines.stop - around.start)
         light = white[around]
         variance = np.stack([self._optics.variance(light), self._optics.white_variance(light)])

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from processing.ranges.account_fit import held_weight
-from processing.ranges.code_waves import CodeWaves
 from processing.ranges.kernels import compiled
-from processing.ranges.pair_fit import weigh_pitch
 from processing.ranges.spectrum import solve_spectrum
+from processing.ranges.two_positions.code_waves import CodeWaves
+from processing.ranges.two_positions.fit import weigh_pitch
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -43,7 +43,7 @@ class EdgePixels:
     relative
         float32, (pitches, n, colours): differences over white.
     gains
-        float32, (pitches, n, colours), see `processing.ranges.pair_fit.PairFit`.
+        float32, (pitches, n, colours), see `processing.ranges.two_positions.fit.PairFit`.
     variance
         float32, (n, colours), of the noise of a difference.
     pairs_px
