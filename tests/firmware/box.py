@@ -19,7 +19,7 @@ SKETCH = HERE.parents[1] / "firmware" / "trigger" / "trigger.ino"
 MAIN = '#include "Arduino.h"\n#include "{sketch}"\nint main() {{ setup(); for (;;) loop(); }}\n'
 SHUTTER_PIN = 7
 RELAY_S = 0.12  # more than a short pulse takes
-PATIENCE_S = 0.2  # more than that
+PATIENCE_S = 0.6  # more than that, with other tests beside it
 
 
 def compile_sketch(folder: Path) -> Path:
